@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The picture that the estimator makes: passes, their errors, and what had to be left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import Finding
+from .scene import Unsupported
+
+Image = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Film:
+    """Passes of one view; row 0 is the top of the picture, pixels outside the border are 0.
+
+    Attributes
+    ----------
+    radiance : (h, w, 3) [W/(m² sr)], premultiplied with `alpha`.
+    variance : (h, w, 3) variance of the mean of `radiance`; pixels are independent of each other.
+    alpha : (h, w).
+    lights : radiance by light name, each (h, w, 3) float32; they add up to `radiance` less what
+        the camera sees directly (emitting surfaces and the background), which is `seen`.
+    seen : (h, w, 3) emission that the camera sees directly.
+    irradiance : (h, w, 3) [W/m²] on the shading normal.
+    depth : (h, w) [m] along the view axis, inf for background.
+    normal : (h, w, 3) in world axes.
+    samples : (h, w) camera samples a pixel.
+    inside : (h, w) bool, the border.
+    excluded : (h, w) bool, pixels out of the comparison.
+    excluded_by : pixels excluded for each cause.
+    """
+
+    radiance: Image
+    variance: Image
+    alpha: Image
+    lights: dict[str, NDArray[np.float32]]
+    seen: Image
+    irradiance: Image
+    depth: Image
+    normal: Image
+    samples: NDArray[np.int64]
+    inside: NDArray[np.bool_]
+    excluded: NDArray[np.bool_]
+    excluded_by: dict[Unsupported, int]
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def standard_error(self) -> Image:
+        """Standard error of `radiance`, (h, w, 3) [W/(m² sr)]."""
+        return np.sqrt(self.variance)
+
+    @property
+    def relative_standard_error(self) -> float:
+        """Return sqrt(mean[σ² / (L² + 0.01·mean(L)²)]), the square root of the expected relMSE."""
+        mean = np.mean(self.radiance[self.inside], axis=0)
+        signal = self.radiance**2 + 0.01 * mean**2
+        ratio = np.divide(
+            self.variance, signal, out=np.zeros_like(self.variance), where=signal > 0
+        )
+        return float(np.sqrt(np.mean(ratio[self.inside])))

@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lights: a file a kind, each with its derivation, units, closed form, sampling and density."""
+
+from ._base import LIGHTS, Light, LightRecord, LightSample, Model, light_from_record
+
+__all__ = ["LIGHTS", "Light", "LightRecord", "LightSample", "Model", "light_from_record"]

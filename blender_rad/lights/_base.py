@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every light offers to the estimator, and how a Blender record becomes one.
+
+All geometry is in Blender units ("bu"). In the `cycles` model one bu counts as a metre in the
+fall-off; in the `physical` model the unit scale is folded into the radiance, so that the estimator
+never needs to know of it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..registry import Registry
+
+Array = NDArray[np.float64]
+Model = Literal["cycles", "physical"]
+
+LIGHTS: Registry[type[Light]] = Registry("blender_rad.lights", "light type")
+
+
+class LightSample(NamedTuple):
+    """Directions towards a light with what arrives from them, unoccluded.
+
+    Attributes
+    ----------
+    wi : (n, 3) unit vectors from the point towards the light.
+    distance : (n,) [bu] to the emitting point; ``inf`` for the sun and the world.
+    weight : (n,) radiance over density, times `Light.rgb` a radiance in W/m²: the sample's
+        irradiance is ``rgb * weight * max(cos θ, 0)``. For delta lights it is the irradiance on a
+        facing surface. 0 where the light sends nothing.
+    pdf : (n,) density per solid angle [1/sr] of `wi`; ``inf`` for delta lights.
+    """
+
+    wi: Array
+    distance: Array
+    weight: Array
+    pdf: Array
+
+
+@dataclass(frozen=True)
+class LightRecord:
+    """A Blender light as read: its own properties unconverted, and where it stands.
+
+    Attributes
+    ----------
+    name : name of the object (the row in tables).
+    bl_type : Blender's ``light.type``: POINT, SPOT, AREA, SUN.
+    properties : every scalar, enum and vector property of the light datablock by Blender's name
+        (``energy``, ``color``, ``shadow_soft_size``, ``spot_size``, ``normalize``, ...).
+    world_from_light : (4, 4) matrix in bu, with its scale.
+    unit_scale_m : metres a bu.
+    blender_version : such as (4, 5, 15).
+    """
+
+    name: str
+    bl_type: str
+    properties: Mapping[str, Any]
+    world_from_light: Array
+    unit_scale_m: float
+    blender_version: tuple[int, int, int]
+    visible_camera: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Light(ABC):
+    """An emitter. Everything per channel is `rgb` times one achromatic number.
+
+    Attributes
+    ----------
+    name : the object's name; lights of one name are one layer and one row.
+    rgb : (3,) scene-linear emission: radiant power per channel [W] for point, spot and area
+        lights, irradiance [W/m²] for suns, radiance [W/(m² sr)] for world and mesh.
+    cast_shadow : whether anything can hide it.
+    visible_camera : whether camera rays see it.
+    """
+
+    kind: ClassVar[str]
+    name: str
+    rgb: Array
+    cast_shadow: bool = True
+    visible_camera: bool = False
+
+    @property
+    def is_delta(self) -> bool:
+        """Whether light arrives from a single direction, so that one sample is exact."""
+        return False
+
+    @abstractmethod
+    def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
+        """Return one sample a point; `points`, `normals` (n, 3), `u` (n, 2) in [0, 1)."""
+
+    def irradiance(self, points: Array, normals: Array) -> Array | None:
+        """Return the exact unoccluded irradiance over `rgb`, (n,), or None without a closed form.
+
+        Light from below the horizon of `normals` does not count.
+        """
+        return None
+
+    def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:
+        """Return distance (n,) [bu] (inf where missed) and radiance over `rgb` (n,) along rays.
+
+        For suns and the world the distance is inf and the radiance alone tells.
+        """
+        n = len(origins)
+        return np.full(n, np.inf), np.zeros(n)
+
+    @abstractmethod
+    def radiant_flux(self) -> Array:
+        """Return the emitted power (3,) [W], nan where it has no meaning (sun, world)."""
+
+    @classmethod
+    def from_record(cls, record: LightRecord, model: Model) -> Light | None:
+        """Build the light that `record` means in `model`; None when it emits nothing."""
+        raise NotImplementedError(f"{cls.__name__} is not made from a light object")
+
+    @classmethod
+    @abstractmethod
+    def examples(cls) -> list[Light]:
+        """Return lights that the contract tests are run on."""
+
+
+def light_from_record(record: LightRecord, model: Model) -> Light | None:
+    """Return the light of the registered kind that `record` describes."""
+    return LIGHTS[record.bl_type].from_record(record, model)

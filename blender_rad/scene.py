@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene as plain arrays: what `bpy_io` makes, the estimator reads, and tests build by hand.
+
+Positions are in Blender units ("bu") along the world axes; `Scene.unit_scale_m` turns them into
+metres where something is reported. Colours are scene-linear triples of the file's working space.
+Nothing here knows of Blender; everything can be pickled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import Finding
+from .lights import Light, Model
+
+CLAY_ALBEDO = 0.8
+REC709_LUMINANCE = (0.2126390058715104, 0.7151686787677559, 0.0721923153607337)
+
+
+@dataclass(frozen=True)
+class Unsupported:
+    """Something that the estimator cannot do: recorded, excluded, counted. Never guessed."""
+
+    kind: Literal["material", "object", "light", "world", "camera"]
+    name: str
+    feature: str
+
+
+@dataclass(frozen=True)
+class Material:
+    """A surface: Lambert reflection plus emission from both faces.
+
+    Attributes
+    ----------
+    albedo : (3,) Lambert reflectance, f_r = albedo/π [1/sr].
+    emission : (3,) radiance [W/(m² sr)], from both faces.
+    opaque : False where a shadow ray may pass in a way that is not known.
+    unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
+    emission_known : False when it emits in a way that is not known: points that it may reach are
+        excluded.
+    """
+
+    name: str
+    albedo: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    opaque: bool = True
+    emission_known: bool = True
+    unsupported: tuple[Unsupported, ...] = ()
+
+    @property
+    def emits(self) -> bool:
+        return any(channel != 0.0 for channel in self.emission)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in object space; shared by all instances that show it.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float32 [bu].
+    triangles : (m, 3) int32 vertex indices, counter-clockwise seen from the front.
+    normals : (m, 3, 3) float32 unit shading normals by corner, or None when all is flat.
+    smooth : (m,) bool, faces shaded smooth (Cycles' shadow terminator offset acts on them alone).
+    slots : (m,) int32 material slot of each triangle.
+    uvs : UV maps by name, each (m, 3, 2) float32.
+    """
+
+    name: str
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    normals: NDArray[np.float32] | None
+    smooth: NDArray[np.bool_]
+    slots: NDArray[np.int32]
+    uvs: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A mesh placed in the world.
+
+    Attributes
+    ----------
+    name : name of the object it comes from.
+    mesh : index into `Scene.meshes`.
+    world_from_object : (4, 4) float64.
+    materials : index into `Scene.materials` for each slot of the mesh.
+    visible_camera, visible_shadow, visible_diffuse : ray visibility. The last one tells whether
+        its emission lights diffuse surfaces.
+    terminator_geometry_offset, terminator_shading_offset : Cycles' shadow terminator settings.
+    normals_in_world : whether Cycles moves the shading normals to the world, and makes them unit
+        length there, before it interpolates them (meshes with a single user); else after.
+    proxy : True when the mesh only bounds something that cannot be read (hair, volume).
+    """
+
+    name: str
+    mesh: int
+    world_from_object: NDArray[np.float64]
+    materials: tuple[int, ...]
+    visible_camera: bool = True
+    visible_shadow: bool = True
+    visible_diffuse: bool = True
+    terminator_geometry_offset: float = 0.0
+    terminator_shading_offset: float = 0.0
+    normals_in_world: bool = True
+    proxy: bool = False
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A perspective or orthographic camera, looking along its local -Z.
+
+    A picture position (x, y) in pixels, x right and y up from the lower left corner of the full
+    frame, maps linearly to the plane z = -1 (perspective) or to ray origins on z = 0
+    (orthographic): ``x_plane = plane[0] + x / width * (plane[1] - plane[0])`` and likewise with
+    plane[2:4] for y.
+
+    Attributes
+    ----------
+    world_from_camera : (4, 4) float64 without scale.
+    plane : (left, right, bottom, top) of the full frame: tangents for perspective, [bu] for
+        orthographic. Sensor fit, shift and pixel aspect are already in it.
+    clip : (near, far) [bu] along the view axis.
+    """
+
+    name: str
+    kind: Literal["perspective", "orthographic"]
+    world_from_camera: NDArray[np.float64]
+    plane: tuple[float, float, float, float]
+    clip: tuple[float, float]
+    unsupported: tuple[Unsupported, ...] = ()
+
+
+@dataclass(frozen=True)
+class World:
+    """A uniform background.
+
+    Attributes
+    ----------
+    radiance : (3,) [W/(m² sr)].
+    visible_camera, visible_diffuse : what it is seen by.
+    known : False when it is not uniform or not readable: what it may reach is excluded.
+    """
+
+    radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    visible_camera: bool = True
+    visible_diffuse: bool = True
+    known: bool = True
+    unsupported: tuple[Unsupported, ...] = ()
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that direct light depends on.
+
+    Attributes
+    ----------
+    lights : native lights; the estimator adds the mesh emitters and the world.
+    unknown_lights : positions of light objects that cannot be evaluated, as ``(name, (3,) [bu])``
+        (position None for distant ones); what they may reach is excluded.
+    resolution : (width, height) of the full frame in pixels.
+    border : (x0, y0, x1, y1) in pixels from the lower left, the part that is rendered; outside it
+        pixels are 0.
+    film_transparent : alpha is 0 where the world shows.
+    luminance_weights : of the working space.
+    """
+
+    file: str
+    sha256: str
+    frame: int
+    meshes: tuple[Mesh, ...]
+    instances: tuple[Instance, ...]
+    materials: tuple[Material, ...]
+    lights: tuple[Light, ...]
+    world: World
+    camera: Camera | None
+    resolution: tuple[int, int]
+    border: tuple[int, int, int, int] | None = None
+    film_transparent: bool = False
+    unit_scale_m: float = 1.0
+    model: Model = "cycles"
+    shading: Literal["full", "clay"] = "full"
+    working_space: str = "Linear Rec.709"
+    chromaticities: tuple[float, ...] = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+    luminance_weights: tuple[float, float, float] = REC709_LUMINANCE
+    blender_version: tuple[int, int, int] = (0, 0, 0)
+    unknown_lights: tuple[tuple[str, NDArray[np.float64] | None], ...] = ()
+    unsupported: tuple[Unsupported, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    def with_resolution(self, width: int, height: int) -> Scene:
+        """Return the same view with other pixels; a border is scaled with it."""
+        border = self.border
+        if border is not None:
+            sx, sy = width / self.resolution[0], height / self.resolution[1]
+            x0, y0, x1, y1 = border
+            border = (round(x0 * sx), round(y0 * sy), round(x1 * sx), round(y1 * sy))
+        return replace(self, resolution=(width, height), border=border)
