@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files that are either whole or not there."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a path to write to, which becomes `path` when the block ends well.
+
+    The temporary file lies beside `path` (a rename within one file system is atomic) and keeps its
+    suffix, since some writers choose their format by it. When the block raises, an interrupt
+    included, the temporary file is removed and what stood at `path` before is untouched. Links
+    are followed; pipes and devices are written to directly, since they cannot be replaced.
+
+    Raises
+    ------
+    OSError
+        The folder does not exist or cannot be written to, or the block wrote nothing.
+    """
+    target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        yield target
+        return
+    temporary = target.with_name(f".{target.stem[:100]}.{secrets.token_hex(6)}{target.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the witness differs, at the finest scale at which it can be told from noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..film import Image
+from .data import ReportData
+
+TILE = 16
+POOLS = (16, 8, 4)
+FLOOR = 0.05  # of the picture's mean: what darker tiles are compared with
+TILE_TOLERANCES = 5.0  # a tile may be off by five times the tolerance
+CLEAR_OF_NOISE = 3.0  # standard errors
+ROUNDING = 1e-5  # relative, of float32 pictures
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A signed map of witness over ours.
+
+    Attributes
+    ----------
+    relative : (h, w) (witness − ours) / ours, 0 where noise hides it, nan where not compared.
+    tiles : (⌈h/16⌉, ⌈w/16⌉) +1 too bright beyond the tolerance of tiles, −1 too dark, else 0.
+    noise_known : whether either side came with a variance.
+    """
+
+    relative: Image
+    tiles: NDArray[np.int8]
+    noise_known: bool
+
+
+def pool(values: Image, size: int) -> Image:
+    """Return the sums of `values` (h, w, …) over blocks of `size` pixels, (⌈h/size⌉, ⌈w/size⌉, …).
+
+    Blocks at the right and lower edge may be smaller.
+    """
+    for axis in (0, 1):
+        values = np.add.reduceat(values, np.arange(0, values.shape[axis], size), axis=axis)
+    return values
+
+
+def spread(blocks: NDArray[np.generic], size: int, shape: tuple[int, int]) -> Image:
+    """Return `blocks` blown up to pixels, (h, w); the reverse of `pool`."""
+    return np.repeat(np.repeat(blocks, size, 0), size, 1)[: shape[0], : shape[1]]
+
+
+def _luminance_variance(data: ReportData) -> Image | None:
+    """Return the summed variance of both luminances, (h, w).
+
+    Channels of a pixel come from the same samples and are taken as fully correlated:
+    σ = Σ wᵢ σᵢ. That errs on the side of more noise.
+    """
+    known = [v for v in (data.variance_ours, data.variance_witness) if v is not None]
+    deviations = (data.luminance(np.sqrt(np.maximum(variance, 0.0))) for variance in known)
+    return sum((d**2 for d in deviations), np.zeros(data.ours.shape[:2])) if known else None
+
+
+def relative_difference(data: ReportData, size: int) -> tuple[Image, Image]:
+    """Return (witness − ours) / ours of block means and its standard error, both by block.
+
+    Blocks darker than 5 % of the picture's mean are measured against that, so that the dark does
+    not shout. Pixels are taken as independent, which for blue noise errs on the side of more.
+    """
+    use = data.compared
+    count = np.maximum(pool(use.astype(np.float64), size), 1.0)
+    ours, witness = (data.luminance(side) * use for side in (data.ours, data.witness))
+    floor = FLOOR * ours.sum() / max(use.sum(), 1)
+    mean = pool(ours, size) / count
+    scale = np.maximum(np.maximum(mean, floor), np.finfo(np.float64).tiny)
+    relative = (pool(witness, size) / count - mean) / scale
+    variance = _luminance_variance(data)
+    noise = 0.0 if variance is None else np.sqrt(pool(variance * use, size)) / count / scale
+    return relative, np.hypot(noise, ROUNDING) * np.ones_like(relative)
+
+
+def difference(data: ReportData, tolerance: float) -> Difference:
+    """Return the map of `data`: every pixel shows the finest block that stands clear of noise."""
+    shape = data.ours.shape[0], data.ours.shape[1]
+    shown = np.zeros(shape)
+    for size in POOLS:
+        relative, noise = relative_difference(data, size)
+        clear = np.abs(relative) > CLEAR_OF_NOISE * noise
+        shown = np.where(spread(clear, size, shape), spread(relative, size, shape), shown)
+    tiles = data.tiles
+    if tiles is None:
+        relative, noise = relative_difference(data, TILE)
+        off = np.abs(relative) - CLEAR_OF_NOISE * noise > TILE_TOLERANCES * tolerance
+        tiles = (np.sign(relative) * off).astype(np.int8)
+    known = data.variance_ours is not None or data.variance_witness is not None
+    return Difference(np.where(data.compared, shown, np.nan), tiles, known)
+
+
+def outline(mask: NDArray[np.bool_], shape: tuple[int, int]) -> str:
+    """Return an SVG path [px] along the edges between tiles in and out of `mask`."""
+    height, width = shape
+    padded = np.pad(mask, 1)
+    rows, columns = np.nonzero(padded[1:, 1:-1] != padded[:-1, 1:-1])
+    x, y = columns * TILE, np.minimum(rows * TILE, height)
+    right = np.minimum(x + TILE, width)
+    level = [f"M{a} {b}H{c}" for a, b, c in zip(x, y, right, strict=True)]
+    rows, columns = np.nonzero(padded[1:-1, 1:] != padded[1:-1, :-1])
+    x, y = np.minimum(columns * TILE, width), rows * TILE
+    lower = np.minimum(y + TILE, height)
+    return "".join(level + [f"M{a} {b}V{c}" for a, b, c in zip(x, y, lower, strict=True)])

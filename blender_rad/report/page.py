@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`report.html`: a comparison as one self-contained page, on a screen, a phone or paper."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..atomic import atomic_path
+from . import wording
+from .data import ReportData
+from .difference import TILE_TOLERANCES, Difference, difference, outline
+from .pictures import (
+    difference_picture,
+    map_colours,
+    map_limit,
+    nice_above,
+    photograph,
+    white_luminance,
+)
+
+if TYPE_CHECKING:
+    import jinja2
+
+TEMPLATES = Path(__file__).parent / "templates"
+COLOUR_STOPS = 13
+AXIS_TOLERANCES = 3.0  # the least that the plot of lights reaches, in tolerances
+WHISKER = 3.0  # standard errors
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The axis that all lights share: deviations from 1 up to ±`limit`, 0 to 100 across."""
+
+    limit: float
+
+    def at(self, deviation: float) -> float:
+        """Return the place of `deviation` in percent of the width; what lies outside is clipped."""
+        return round(float(np.clip(50 + 50 * deviation / self.limit, 0.0, 100.0)), 2)
+
+
+def _axis(lights: list[dict[str, Any]], tolerance: float) -> Axis:
+    """Return the axis that shows most of `lights`, and never less than the tolerance band."""
+    reach = [AXIS_TOLERANCES * tolerance]
+    for light in lights:
+        scale, error = light.get("scale_in_witness"), light.get("standard_error") or 0.0
+        if scale is not None and wording.known(scale) and wording.known(error):
+            reach.append(min(abs(scale - 1) + WHISKER * error, 1.0))
+    return Axis(nice_above(max(reach)))
+
+
+def _totals(data: ReportData) -> dict[str, float]:
+    """Return mean luminances [cd/m²] of what was compared, and the witness's over ours less 1."""
+    use = data.compared
+    ours, witness = (
+        float(data.luminance(side)[use].mean()) if use.any() else float("nan")
+        for side in (data.ours, data.witness)
+    )
+    excess = witness / ours - 1 if ours else float("nan")
+    return {"ours": ours, "witness": witness, "excess": excess}
+
+
+def _groups(lights: list[dict[str, Any]]) -> Mapping[object, list[str]]:
+    """Return the names of lights that could not be told apart, by group."""
+    members: dict[object, list[str]] = {}
+    for light in lights:
+        if light.get("group") is not None:
+            members.setdefault(str(light["group"]), []).append(light["name"])
+    return {group: names for group, names in members.items() if len(names) > 1}
+
+
+def _outlines(data: ReportData, result: Difference) -> dict[str, str]:
+    shape = data.ours.shape[0], data.ours.shape[1]
+    return {
+        "brighter": outline(result.tiles > 0, shape),
+        "darker": outline(result.tiles < 0, shape),
+    }
+
+
+def _pictures(data: ReportData, tolerance: float) -> dict[str, Any]:
+    """Return the three pictures and everything that their legends and captions say."""
+    result = difference(data, tolerance)
+    white, limit = white_luminance(data), map_limit(result, TILE_TOLERANCES * tolerance)
+    return {
+        "ours": photograph(data, data.ours, white),
+        "witness": photograph(data, data.witness, white),
+        "map": difference_picture(data, result, limit),
+        "colours": map_colours(COLOUR_STOPS),
+        "limit": limit,
+        "white": white,
+        "exposure": float(np.log2(data.efficacy_lm_W / white)),
+        "outlines": _outlines(data, result),
+        "brighter": int((result.tiles > 0).sum()),
+        "darker": int((result.tiles < 0).sum()),
+        "tile_tolerance": TILE_TOLERANCES * tolerance,
+        "noise_known": result.noise_known,
+        "excluded": float(1 - data.compared.sum() / max(data.inside.sum(), 1)),
+        "peak": float(data.luminance(data.ours).max(initial=0.0)),
+    }
+
+
+@functools.cache
+def _template() -> jinja2.Template:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: wording.visible(value) if type(value) is str else value,
+    )
+    words = ("number", "percent", "signed_percent", "name", "kind", "deviation", "known")
+    environment.filters.update({word: getattr(wording, word) for word in words})
+    return environment.get_template("report.html")
+
+
+def render_report(data: ReportData) -> str:
+    """Return the page of `data`; names from the scene are escaped, nothing is fetched."""
+    document = data.document
+    tolerance = document["settings"]["tolerance"]
+    pictures = _pictures(data, tolerance)
+    tiles_off = pictures["brighter"] + pictures["darker"]
+    return _template().render(
+        d=document,
+        witness=data.witness_name,
+        css=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        headline=wording.headline(document, data.witness_name, tiles_off),
+        verdicts=wording.VERDICTS,
+        lights=wording.by_importance(document["lights"]),
+        groups=_groups(document["lights"]),
+        axis=_axis(document["lights"], tolerance),
+        whisker=WHISKER,
+        totals=_totals(data),
+        pictures=pictures,
+        size=(data.ours.shape[1], data.ours.shape[0]),
+        findings=sorted(document["findings"], key=lambda f: wording.SEVERITIES[f["severity"]]),
+        command=wording.command(document),
+    )
+
+
+def write_report(path: str | os.PathLike[str], data: ReportData) -> None:
+    """Write the page of `data` to `path`, whole or not at all."""
+    page = render_report(data)
+    with atomic_path(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures as data URIs, with the numbers that their legends need."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..film import Image
+from .data import REC709_CHROMATICITIES, ReportData
+from .difference import Difference, pool
+
+MAX_WIDTH = 1000  # of what is shrunk for the file's size [px]
+MAP_WIDTH = 960  # that the difference map is blown up towards, so that hatching is fine [px]
+SHARP_WIDTH = 640  # pictures below are shown with hard pixels [px]
+WHITE_PERCENTILE = 98.0
+NICE = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+COLOURS = "RdBu_r"
+BRADFORD = np.array(  # cone responses from XYZ
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
+HATCH_PERIOD, HATCH_LINE = 10, 2  # [px]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture for the page: its data URI, and whether it is shown with hard pixels."""
+
+    uri: str
+    sharp: bool
+
+
+def nice_above(value: float) -> float:
+    """Return the smallest round number that is not below `value`; 1 for 0.
+
+    Examples
+    --------
+    >>> nice_above(0.031), nice_above(87.0), nice_above(1000.0)
+    (0.04, 100.0, 1000.0)
+    """
+    if not value > 0:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(next(m * decade for m in NICE if m * decade >= value * (1 - 1e-12)))
+
+
+def white_luminance(data: ReportData) -> float:
+    """Return the luminance [cd/m²] that is shown white: almost all of the picture lies below."""
+    lit = data.luminance(data.ours)[data.inside]
+    lit = lit[lit > 0]
+    return nice_above(float(np.percentile(lit, WHITE_PERCENTILE))) if lit.size else 1.0
+
+
+def _xyz_from_rgb(chromaticities: tuple[float, ...]) -> Image:
+    """Return the matrix (3, 3) whose columns are the primaries, adding up to white with Y = 1."""
+    x, y = np.reshape(chromaticities, (4, 2)).T
+    colours = np.stack([x / y, np.ones(4), (1 - x - y) / y])
+    primaries, white = colours[:, :3], colours[:, 3]
+    return primaries * np.linalg.solve(primaries, white)
+
+
+def rec709_from_working(chromaticities: tuple[float, ...]) -> Image:
+    """Return the matrix (3, 3) from the working space to linear Rec.709, white to white.
+
+    Whites are adapted by Bradford's transform.
+    """
+    source, target = _xyz_from_rgb(chromaticities), _xyz_from_rgb(REC709_CHROMATICITIES)
+    ones = np.ones(3)
+    cones = np.diag((BRADFORD @ target @ ones) / (BRADFORD @ source @ ones))
+    adapt = np.linalg.solve(BRADFORD, cones @ BRADFORD)
+    return np.linalg.solve(target, adapt @ source)
+
+
+def srgb(radiance: Image, white: float, matrix: Image) -> NDArray[np.uint8]:
+    """Return the sRGB display values (h, w, 3) of `radiance`, where `white` [W/(m² sr)] is 255."""
+    linear = np.nan_to_num(radiance, nan=0.0, posinf=white, neginf=0.0) @ matrix.T / white
+    linear = np.clip(linear, 0.0, 1.0)
+    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(curve * 255).astype(np.uint8)
+
+
+def _encode(pixels: NDArray[np.uint8], kind: str, *, sharp: bool) -> Picture:
+    """Return `pixels` (h, w, 3 or 4) as a PNG or JPEG in a data URI."""
+    from matplotlib.image import imsave
+
+    buffer = io.BytesIO()
+    options = {"quality": 90} if kind == "jpeg" else {"optimize": True}
+    imsave(buffer, pixels, format=kind, pil_kwargs=options)
+    text = base64.b64encode(buffer.getvalue()).decode("ascii")
+    return Picture(f"data:image/{kind};base64,{text}", sharp)
+
+
+def photograph(data: ReportData, radiance: Image, white_cd_m2: float) -> Picture:
+    """Return `radiance` as an sRGB picture; wide ones are averaged down, in linear light."""
+    height, width = radiance.shape[:2]
+    step = -(-width // MAX_WIDTH)
+    if step > 1:
+        ones = np.ones((height, width, 1))
+        radiance = pool(np.nan_to_num(radiance), step) / pool(ones, step)
+    matrix = rec709_from_working(data.chromaticities)
+    pixels = srgb(radiance, white_cd_m2 / data.efficacy_lm_W, matrix)
+    return _encode(pixels, "jpeg" if step > 1 else "png", sharp=width < SHARP_WIDTH)
+
+
+def map_limit(result: Difference, least: float) -> float:
+    """Return the end of the colour bar: a round number that nearly all of the map lies within."""
+    sizes = np.abs(result.relative[np.isfinite(result.relative)])
+    extent = float(np.percentile(sizes, 99.5)) if sizes.size else 0.0
+    return min(nice_above(max(extent, least)), 1.0)
+
+
+def map_colours(count: int) -> list[str]:
+    """Return `count` colours of the difference map from darker to brighter, as #rrggbb."""
+    import matplotlib as mpl
+    from matplotlib.colors import to_hex
+
+    return [to_hex(c) for c in mpl.colormaps[COLOURS](np.linspace(0.0, 1.0, count))]
+
+
+def difference_picture(data: ReportData, result: Difference, limit: float) -> Picture:
+    """Return the map in colours; excluded pixels hatched, pixels outside the border clear."""
+    import matplotlib as mpl
+
+    width = data.ours.shape[1]
+    grow, step = max(1, MAP_WIDTH // width), -(-width // (2 * MAP_WIDTH))
+
+    def fit(values: NDArray[np.generic]) -> NDArray[np.generic]:
+        return np.repeat(np.repeat(values[::step, ::step], grow, 0), grow, 1)
+
+    shade = np.nan_to_num(result.relative / limit) * 0.5 + 0.5
+    pixels = fit(mpl.colormaps[COLOURS](np.clip(shade, 0.0, 1.0), bytes=True))
+    rows, columns = np.indices(pixels.shape[:2])
+    line = (rows + columns) % HATCH_PERIOD < HATCH_LINE
+    hatch = np.where(line[..., None], np.uint8([70, 70, 70, 255]), np.uint8([205, 205, 205, 255]))
+    pixels = np.where(fit(~data.compared)[..., None], hatch, pixels)
+    pixels[..., 3] = np.where(fit(data.inside), 255, 0)
+    return _encode(pixels, "png", sharp=width < SHARP_WIDTH)

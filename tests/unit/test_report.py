@@ -1,0 +1,537 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report page: five situations of a made-up comparison, and what may never go wrong in them."""
+
+from __future__ import annotations
+
+import base64
+import re
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+from blender_rad.report import ReportData, render_report, wording, write_report
+from blender_rad.report.data import REC709_CHROMATICITIES
+from blender_rad.report.difference import difference, outline, pool, relative_difference, spread
+from blender_rad.report.pictures import nice_above, rec709_from_working, srgb, white_luminance
+
+WEIGHTS = (0.2126390058715104, 0.7151686787677559, 0.0721923153607337)
+EFFICACY = 683.002
+MAX_BYTES = 3_000_000
+HOSTILE = [
+    "<script>alert(1)</script>",
+    "\" onload='x' & <b>bold</b>",
+    "مصباح القراءة",
+    "abc\u202egnp.exe",
+    "Ctrl\x00\x1b\nname",
+    "💡✨ Küche 台所",
+    "L" * 300,
+    "https://evil.example/x.png",
+    "lone \udc80 surrogate",
+    "{{ 7 * 7 }}",
+]
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+def sphere_layers(width: int, height: int) -> dict[str, np.ndarray]:
+    """Return radiance (h, w, 3) by light of a Lambert sphere on a plane under two point lights."""
+    y, x = np.mgrid[0.5:height, 0.5:width]
+    u, v = (x - width / 2) / height * 2, (height / 2 - y) / height * 2
+    inside = u**2 + v**2 < 0.45
+    z = np.sqrt(np.maximum(0.45 - u**2 - v**2, 0))
+    ball = np.stack([u, z, v], -1) / np.sqrt(0.45)
+    depth = 2.2 / np.maximum(1.15 - v, 0.12)
+    points = np.where(
+        inside[..., None], ball * 0.67, np.stack([u * depth, 2 - 2 * depth, -0.67 + 0 * u], -1)
+    )
+    normals = np.where(inside[..., None], ball, np.array([0.0, 0.0, 1.0]))
+    albedo = np.where(inside[..., None], [0.75, 0.42, 0.28], [0.6, 0.6, 0.62])
+    layers = {}
+    for name, place, power in (
+        ("Key", [-2.0, 2.2, 2.4], [60, 52, 42]),
+        ("Fill", [2.6, 2.0, 1.4], [9, 11, 15]),
+    ):
+        to = np.array(place) - points
+        distance = np.linalg.norm(to, axis=-1, keepdims=True)
+        cosine = np.maximum((to * normals).sum(-1, keepdims=True) / distance, 0)
+        layers[name] = np.array(power) * albedo / np.pi * cosine / (4 * np.pi * distance**2)
+    return layers
+
+
+def light(name: str, scale: float | None, error: float | None, verdict: str, **more: Any) -> dict:
+    return {
+        "name": name,
+        "type": "POINT",
+        "count": 1,
+        "group": None,
+        "energy_fraction": 0.5,
+        "scale_in_witness": scale,
+        "standard_error": error,
+        "verdict": verdict,
+        "diagnosis": None,
+    } | more
+
+
+def document(verdict: str, lights: list[dict], **more: Any) -> dict[str, Any]:
+    return {
+        "schema": 1,
+        "verdict": verdict,
+        "scene": {
+            "file": "museum_gallery_v012.blend",
+            "sha256": "9f2c" * 16,
+            "frame": 24,
+            "camera": "Cam Front",
+            "resolution": [320, 240],
+            "unit_scale_m": 1.0,
+        },
+        "versions": {
+            "blender_rad": "0.1.0",
+            "blender": "4.5.15",
+            "numpy": "1.26.4",
+            "embree": "4.3.3",
+        },
+        "settings": {
+            "tolerance": 0.01,
+            "confidence": 0.99,
+            "model": "cycles",
+            "shading": "full",
+            "efficacy_lm_W": EFFICACY,
+            "samples": 16,
+            "cycles_samples": 512,
+            "overridden": {
+                "cycles.max_bounces": {"file": 12, "used": 0},
+                "cycles.pixel_filter_type": {"file": "BLACKMAN_HARRIS", "used": "BOX"},
+                "cycles.use_denoising": {"file": True, "used": False},
+                "cycles.sample_clamp_indirect": {"file": 10.0, "used": 0.0},
+            },
+        },
+        "pixels": {
+            "compared": 75264,
+            "agree": 74011,
+            "differ": 121,
+            "undecided": 1132,
+            "excluded": 1536,
+        },
+        "metrics": {
+            "energy_ratio": 0.99987,
+            "mean_signed_relative_error": -0.00013,
+            "p95_absolute_relative_error": 0.0121,
+            "relmse": 3.21e-5,
+        },
+        "lights": lights,
+        "coverage": {
+            "supported_pixel_fraction": 0.98,
+            "unsupported": [
+                {
+                    "kind": "material",
+                    "name": "Glass Vitrine",
+                    "feature": "glass BSDF",
+                    "pixels": 1536,
+                }
+            ],
+        },
+        "findings": [
+            {
+                "code": "soft-falloff",
+                "severity": "info",
+                "object": "Key",
+                "message": "Soft falloff is on: Cycles takes the light for a disc that faces "
+                "the shaded point.",
+                "effect_percent": -0.3,
+            },
+        ],
+        "witnesses": [],
+        "seconds": {"read": 0.42, "ours": 3.1, "cycles": 11.8, "compare": 0.6, "report": 0.4},
+    } | more
+
+
+def pictures(
+    factors: dict[str, float], noise: float = 0.02, size: tuple[int, int] = (320, 240)
+) -> dict[str, Any]:
+    """Return the arrays of a `ReportData` whose witness shows each light times its factor."""
+    rng = np.random.default_rng(7)
+    width, height = size
+    layers = sphere_layers(width, height)
+    ours = sum(layers.values())
+    witness = sum(layers[name] * factors.get(name, 1.0) for name in layers)
+    excluded = np.zeros((height, width), bool)
+    excluded[: height // 4, -width // 5 :] = True
+    return {
+        "ours": ours,
+        "witness": witness * (1 + noise * rng.standard_normal((height, width, 1))),
+        "excluded": excluded,
+        "inside": np.ones((height, width), bool),
+        "variance_ours": (0.002 * ours) ** 2,
+        "variance_witness": (noise * witness) ** 2,
+        "luminance_weights": WEIGHTS,
+        "efficacy_lm_W": EFFICACY,
+    }
+
+
+def agree() -> ReportData:
+    lights = [
+        light("Key", 1.0003, 0.0009, "agree", energy_fraction=0.78, type="SPOT"),
+        light("Fill", 0.9982, 0.0021, "agree", energy_fraction=0.219, type="AREA"),
+        light("Exit sign", 1.004, 0.011, "undecided", energy_fraction=0.001, type="MESH", count=12),
+    ]
+    return ReportData(document("agree", lights), **pictures({}))
+
+
+def differ() -> ReportData:
+    lights = [
+        light(
+            "Fill",
+            0.785,
+            0.0021,
+            "differ",
+            energy_fraction=0.219,
+            type="AREA",
+            diagnosis="Made for the power convention before 4.0, P/(4A): predicts −21.5 %, "
+            "measured −21.5 %.",
+        ),
+        light("Key", 1.0003, 0.0009, "agree", energy_fraction=0.781, type="SPOT"),
+    ]
+    return ReportData(
+        document("differ", lights, pixels={**document("", [])["pixels"], "differ": 21040}),
+        **pictures({"Fill": 0.785}),
+    )
+
+
+def undecided() -> ReportData:
+    lights = [
+        light("Key", 1.004, 0.009, "undecided", energy_fraction=0.7, group=1),
+        light("Fill", 0.985, 0.031, "undecided", energy_fraction=0.3, group=1),
+    ]
+    return ReportData(
+        document("undecided", lights, findings=[]), **pictures({}, 0.6, size=(160, 120))
+    )
+
+
+def half_excluded() -> ReportData:
+    arrays = pictures({}, size=(1920, 1080))
+    arrays["excluded"][:, 700:] = True
+    arrays["inside"][:200] = False
+    arrays["witness"][500:520, 100:130] = np.nan
+    coverage = {
+        "supported_pixel_fraction": 0.36,
+        "unsupported": [
+            {"kind": "object", "name": "Curtain", "feature": "hair", "pixels": 901_220},
+            {"kind": "world", "name": "World", "feature": "volume scatter", "pixels": 402_112},
+        ],
+    }
+    findings = [
+        {
+            "code": "coverage",
+            "severity": "warning",
+            "object": "",
+            "message": "Less than half of the lit pixels can be compared.",
+            "effect_percent": None,
+        },
+        {
+            "code": "driver-blocked",
+            "severity": "error",
+            "object": "Fill",
+            "message": "Its power is driven by a script that was not run.",
+            "effect_percent": -100.0,
+        },
+    ]
+    lights = [light("Key", 1.0, 0.001, "agree"), light("Fill", None, None, "undecided")]
+    made = document("undecided", lights, coverage=coverage, findings=findings)
+    return ReportData(made, **arrays)
+
+
+def hostile() -> ReportData:
+    names = HOSTILE + [f"Downlight.{i:03}" for i in range(40 - len(HOSTILE))]
+    verdicts = ["differ", "agree", "undecided"]
+    rng = np.random.default_rng(3)
+    lights = [
+        light(
+            name,
+            float(1 + 0.03 * rng.standard_normal()),
+            0.002,
+            verdicts[i % 3],
+            energy_fraction=1 / 40,
+            diagnosis=name if i % 4 == 0 else None,
+            group=i // 20,
+            count=i + 1,
+        )
+        for i, name in enumerate(names)
+    ]
+    lights[0]["scale_in_witness"] = 3.84
+    made = document("differ", lights)
+    made["scene"]["file"] = HOSTILE[0] + ".blend"
+    made["scene"]["camera"] = HOSTILE[1]
+    made["findings"] = [
+        {
+            "code": "code",
+            "severity": "warning",
+            "object": name,
+            "message": f"About {name}.",
+            "effect_percent": float("nan"),
+        }
+        for name in HOSTILE
+    ]
+    made["coverage"]["unsupported"] = [
+        {"kind": "material", "name": name, "feature": name, "pixels": 3} for name in HOSTILE
+    ]
+    return ReportData(made, **pictures({"Key": 1.1}))
+
+
+SITUATIONS = {
+    "agree": agree,
+    "differ": differ,
+    "undecided": undecided,
+    "half_excluded": half_excluded,
+    "hostile": hostile,
+}
+PAGES: dict[str, str] = {}
+
+
+@pytest.fixture(params=SITUATIONS)
+def page(request: pytest.FixtureRequest) -> str:
+    if request.param not in PAGES:
+        PAGES[request.param] = render_report(SITUATIONS[request.param]())
+    return PAGES[request.param]
+
+
+class Reader(HTMLParser):
+    """Collects text and attributes, and insists that every element is closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def read(page: str) -> Reader:
+    reader = Reader()
+    reader.feed(page)
+    reader.close()
+    return reader
+
+
+def markup(page: str) -> str:
+    """Return the page without picture data, in which any letters may occur."""
+    return re.sub(r"data:image/[^\"]+", "", page)
+
+
+def test_page_is_well_formed(page: str) -> None:
+    assert read(page).open == []
+
+
+def test_page_fetches_and_runs_nothing(page: str) -> None:
+    reader = read(page)
+    assert {tag for tag, _ in reader.tags}.isdisjoint({"script", "link", "iframe", "object", "b:"})
+    for tag, attributes in reader.tags:
+        assert not any(key.startswith("on") for key in attributes), tag
+        assert all(not (value or "").startswith("http") for value in attributes.values())
+        if "src" in attributes:
+            assert attributes["src"].startswith("data:image/")
+    css = re.search(r"<style>(.*?)</style>", page, re.S).group(1)
+    assert "url(" not in css
+    assert "@import" not in css
+
+
+def test_page_stays_small(page: str) -> None:
+    assert len(page.encode()) < MAX_BYTES
+
+
+def test_pictures_have_alternatives_and_sizes(page: str) -> None:
+    images = [attributes for tag, attributes in read(page).tags if tag == "img"]
+    assert len(images) == 3
+    for image in images:
+        assert len(image["alt"]) > 30
+        assert int(image["width"]) > 0
+        payload = base64.b64decode(image["src"].split(",")[1])
+        assert payload[:4] in (b"\x89PNG", b"\xff\xd8\xff\xe0")
+
+
+def test_no_remote_address_without_hostile_names() -> None:
+    for name in ("agree", "differ", "undecided", "half_excluded"):
+        assert "http" not in markup(render_report(SITUATIONS[name]()))
+
+
+def test_verdicts_are_words_not_only_colours(page: str) -> None:
+    text = read(page).text
+    assert all(word in text for word in ("Agrees", "Differs", "Undecided"))
+
+
+def test_hostile_names_are_shown_and_harmless() -> None:
+    page = render_report(hostile())
+    assert "<script" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+    assert "\x00" not in page
+    assert "\x1b" not in page
+    assert "Ctrl␀␛␊name" in page
+    assert "49" not in re.search(r"<h2>Findings.*?</section>", page, re.S).group()
+    text = read(page).text
+    for name in HOSTILE[:4]:
+        assert name in text
+
+
+@pytest.mark.parametrize(
+    ("made", "sentence"),
+    [
+        (
+            agree,
+            "Cycles agrees with the physics of this scene within 1\u202f%, at 99\u202f% confidence.",
+        ),
+        (
+            differ,
+            "Cycles differs: light “Fill” is 21.50\u202f% ± 0.21\u202f% too dark.",
+        ),
+        (undecided, "Undecided: the noise is still too high to tell within 1\u202f%."),
+        (half_excluded, "Undecided: only 36\u202f% of the lit picture could be compared."),
+    ],
+)
+def test_headline(made: Any, sentence: str) -> None:
+    heading = re.search(r"<h1>(.*?)</h1>", render_report(made())).group(1)
+    assert read(heading).text == sentence
+
+
+def test_headline_of_many_lights_counts_them() -> None:
+    heading = re.search(r"<h1>(.*?)</h1>", render_report(hostile())).group(1)
+    assert "14 of 40 lights are off" in heading
+    assert "3.84 times as bright as it should be" in heading
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [
+        (1.02, "is 2.00\u202f% ± 0.20\u202f% too bright"),
+        (0.98, "is 2.00\u202f% ± 0.20\u202f% too dark"),
+        (0.0, "is missing"),
+        (-1.0, "has the wrong sign"),
+        (4.0, "is 4 times as bright as it should be"),
+        (None, "cannot be measured"),
+        (float("nan"), "cannot be measured"),
+    ],
+)
+def test_deviation_in_words(scale: float | None, words: str) -> None:
+    assert wording.deviation(light("Key", scale, 0.002, "differ")) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.0, None, "0.00\u202f%"),
+        (-0.00001, 0.01, "0.0\u202f% ± 1.0\u202f%"),
+        (-0.5, None, "−50.0\u202f%".replace(".0", "")),
+        (0.12345, 0.0, "+12\u202f% ± 0\u202f%"),
+        (None, 0.1, "–"),
+    ],
+)
+def test_signed_percent(value: float | None, error: float | None, text: str) -> None:
+    assert wording.signed_percent(value, error) == text
+
+
+def test_nothing_to_compare_still_makes_a_page() -> None:
+    arrays = pictures({}, size=(16, 9))
+    arrays |= {"ours": np.zeros((9, 16, 3)), "witness": np.zeros((9, 16, 3))}
+    arrays["excluded"][:] = True
+    arrays |= {"variance_ours": None, "variance_witness": None}
+    made = document("undecided", [])
+    made["pixels"] |= {"compared": 0}
+    made["metrics"] = dict.fromkeys(made["metrics"], float("nan"))
+    page = render_report(ReportData(made, **arrays))
+    assert "there is nothing to compare" in page
+    assert "Nothing in this scene emits" in page
+    assert not re.search(r"\bnan\b", read(page).text)
+
+
+def test_command_is_the_given_one_or_rebuilt() -> None:
+    made = document("agree", [])
+    made["scene"]["file"] = "a b.blend"
+    assert wording.command(made).startswith("blender-rad check 'a b.blend' --report report")
+    assert "--resolution 320x240" in wording.command(made)
+    assert wording.command({"command": ["blender-rad", "x y"]}) == "blender-rad 'x y'"
+
+
+def test_shapes_are_checked() -> None:
+    with pytest.raises(ValueError, match=r"witness has shape \(2, 2, 3\)"):
+        ReportData(document("agree", []), **(pictures({}) | {"witness": np.zeros((2, 2, 3))}))
+
+
+def test_write_report_leaves_one_file(tmp_path: Any) -> None:
+    write_report(tmp_path / "report.html", undecided())
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_pool_sums_blocks_with_ragged_edges() -> None:
+    values = np.arange(35.0).reshape(5, 7)
+    sums = pool(values, 4)
+    assert sums.shape == (2, 2)
+    assert sums[1, 1] == values[4, 4:].sum()
+    assert sums.sum() == values.sum()
+    assert spread(sums, 4, (5, 7)).shape == (5, 7)
+
+
+def test_map_is_silent_on_noise_and_shows_a_bias() -> None:
+    quiet = difference(ReportData(document("agree", []), **pictures({}, 0.05)), 0.01)
+    shown = quiet.relative[np.isfinite(quiet.relative)]
+    assert np.mean(shown != 0) < 0.01
+    assert not quiet.tiles.any()
+    data = ReportData(document("differ", []), **pictures({"Key": 1.1, "Fill": 1.1}, 0.01))
+    loud = difference(data, 0.01)
+    assert np.nanmedian(loud.relative) == pytest.approx(0.1, abs=0.01)
+    assert (loud.tiles == 1).mean() > 0.8
+    assert np.isnan(loud.relative[data.excluded]).all()
+
+
+def test_block_noise_is_calibrated_for_independent_pixels() -> None:
+    data = ReportData(document("agree", []), **pictures({}, 0.05))
+    relative, noise = relative_difference(data, 16)
+    whole = pool(data.compared.astype(float), 16) == 256
+    # variance_ours adds (0.2 %)² that the made-up picture does not have: under 1 % of the noise.
+    assert np.std(relative[whole] / noise[whole]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_tiles_of_the_comparison_are_taken_over() -> None:
+    tiles = np.zeros((15, 20), np.int8)
+    tiles[3, 4] = -1
+    data = ReportData(document("differ", []), **pictures({}), tiles=tiles)
+    assert difference(data, 0.01).tiles is tiles
+    assert "in one part" not in render_report(data)
+    assert "one part of the picture did not come out right" in render_report(data)
+
+
+def test_outline_runs_around_a_tile_once() -> None:
+    mask = np.zeros((2, 2), bool)
+    mask[1, 1] = True
+    assert outline(mask, (20, 30)) == "M16 16H30M16 20H30M16 16V20M30 16V20"
+
+
+def test_white_maps_to_white() -> None:
+    assert (srgb(np.full((1, 1, 3), 2.0), 2.0, np.eye(3)) == 255).all()
+    assert nice_above(1.01e-3) == pytest.approx(1.2e-3)
+    data = agree()
+    lit = data.luminance(data.ours)
+    assert np.mean(lit > white_luminance(data)) <= 0.02
+
+
+def test_working_space_is_turned_into_rec709() -> None:
+    acescg = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+    # The published matrix from ACEScg to linear sRGB (Bradford), to its printed digits.
+    expected = [
+        [1.70505, -0.62179, -0.08326],
+        [-0.13026, 1.14080, -0.01055],
+        [-0.02400, -0.12897, 1.15297],
+    ]
+    np.testing.assert_allclose(rec709_from_working(acescg), expected, atol=2e-5)
+    np.testing.assert_allclose(rec709_from_working(REC709_CHROMATICITIES), np.eye(3), atol=1e-12)
