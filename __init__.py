@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Blender extension's door. It imports nothing until Blender enables it."""
+
+
+def register() -> None:
+    from . import addon
+
+    addon.register()
+
+
+def unregister() -> None:
+    """Undo `register`, and let go of every module, so that enabling again loads what is on disk."""
+    import sys
+
+    from . import addon
+
+    addon.unregister()
+    for name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
+        del sys.modules[name]

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Options that verbs share: of all that read a scene, and of those that make a picture of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from . import _values as values
+from ._base import Command, option
+
+NAMED = ", ".join(values.EFFICACIES_LM_W)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneCommand(Command):
+    """A verb about one file.
+
+    Attributes
+    ----------
+    frame, camera, scene, view_layer : None means the file's own.
+    efficacy : of lights that carry no spectrum [lm/W].
+    """
+
+    file: Path = option(
+        values.scene_file, "a .blend, .glb or .gltf file", metavar="SCENE", positional=True
+    )
+    frame: int | None = option(
+        values.integer(-values.FRAME_LIMIT, values.FRAME_LIMIT),
+        "frame (default: the file's current one)",
+        metavar="N",
+    )
+    camera: str | None = option(values.text, "camera object (default: the scene's)", metavar="NAME")
+    scene: str | None = option(
+        values.text, "scene (default: the file's active one)", metavar="NAME"
+    )
+    view_layer: str | None = option(
+        values.text, "view layer (default: the scene's first)", metavar="NAME"
+    )
+    efficacy: float = option(
+        values.efficacy,
+        f"lm per W of lights without a spectrum: {NAMED}, or a number (default: photopic)",
+        default=values.EFFICACIES_LM_W["photopic"],
+        metavar="NAME|NUMBER",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureCommand(SceneCommand):
+    """A verb that makes a picture of a scene.
+
+    Attributes
+    ----------
+    resolution : (width, height) in pixels; None means the file's.
+    threads : None means all processors.
+    """
+
+    resolution: tuple[int, int] | None = option(
+        values.resolution, "pixels (default: the file's)", metavar="WxH"
+    )
+    shading: Literal["full", "clay"] = option(
+        values.choice("full", "clay"),
+        "materials as they are, or all of them Lambert (default: full)",
+        default="full",
+        metavar="full|clay",
+    )
+    model: Literal["cycles", "physical"] = option(
+        values.choice("cycles", "physical"),
+        "what lights mean: what Cycles makes of them, or what their units say (default: cycles)",
+        default="cycles",
+        metavar="cycles|physical",
+    )
+    threads: int | None = option(values.integer(1), "processors to use (default: all)", metavar="N")

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ZIP that users install: built, validated, installed, enabled and disabled in a fresh Blender."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+pytestmark = pytest.mark.blender
+
+ROOT = Path(__file__).parents[2]
+ENABLE_LIMIT_S = 0.2  # promised: an artist does not wait for an add-on
+HEAVY = {"numpy", "OpenEXR", "colour", "embreex", "jinja2", "matplotlib", "scipy", "tqdm"}
+
+
+def builder() -> Path:
+    """Return the path of Blender's own extension builder."""
+    spec = find_spec("bpy")
+    assert spec is not None and spec.origin is not None
+    (path,) = Path(spec.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
+    return path
+
+
+def run(*command: str | Path, **environment: str) -> str:
+    """Return what a Python program prints, for which nothing but success will do."""
+    result = subprocess.run(
+        [sys.executable, *command],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+@pytest.fixture(scope="module")
+def zip_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("build") / "radiometric.zip"
+    run(builder(), "build", "--source-dir", ROOT, "--output-filepath", path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def story(zip_path: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+    """Return what happened when the ZIP was installed, enabled and disabled twice."""
+    user = tmp_path_factory.mktemp("user")
+    out = user / "story.json"
+    script = Path(__file__).with_name("_install_and_leave.py")
+    run(script, zip_path, out, BLENDER_USER_RESOURCES=str(user), PYTHONPATH="")
+    return json.loads(out.read_text())
+
+
+def test_blender_accepts_the_zip(zip_path: Path) -> None:
+    run(builder(), "validate", zip_path)
+
+
+def test_the_zip_holds_the_extension_and_nothing_else(zip_path: Path) -> None:
+    names = [name for name in ZipFile(zip_path).namelist() if not name.endswith("/")]
+    own = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
+    assert own <= set(names)
+    assert {name.partition("/")[0] for name in names} == own | {"addon", "blender_rad"}
+    assert not [name for name in names if "__pycache__" in name or "/." in name]
+
+
+def test_every_file_of_the_library_is_in_the_zip(zip_path: Path) -> None:
+    sources = {
+        path.relative_to(ROOT).as_posix()
+        for folder in ("addon", "blender_rad")
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    assert sources <= set(ZipFile(zip_path).namelist())
+
+
+def test_it_enables_at_once_and_loads_nothing_heavy(story: dict[str, list[object]]) -> None:
+    assert story["enabled"] == [True, True]
+    assert max(story["seconds"]) < ENABLE_LIMIT_S
+    assert not HEAVY & set(story["loaded_by_enabling"])
+
+
+def test_it_leaves_nothing_behind(story: dict[str, object]) -> None:
+    assert story["registered"], "the test would not notice what is never there"
+    assert story["left_behind"] == [[], []]
+
+
+def test_the_library_runs_inside_the_extension(story: dict[str, object]) -> None:
+    assert story["library_version"] == story["manifest_version"]
+    assert story["outside_package_loaded"] is False
