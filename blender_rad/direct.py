@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The estimator: the irradiance that each light sends straight to points on surfaces.
+
+    E(x) = ∫ L_i V cosθ_i dω_i    for each light, and L_r = Σ f_r E with f_r = albedo/π
+
+One sample f = L cosθ/p of each light, with its visibility V, goes with each point. Where the
+unoccluded irradiance E₀ is known in closed form it serves as a control variate,
+
+    Ê = c E₀ + f (V - c),
+
+with c the share of the *other* samples of the same group (pixel, meter) that see the light. c does
+not depend on f or V, so Ê is unbiased; it is exact without noise where the light is all visible
+(c = V = 1) or all hidden (c = V = 0), and in between only what visibility leaves open is noisy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .emitters import Emitter, emitters
+from .lights import LightSample
+from .rays import Caster
+from .scene import Scene, Unsupported
+from .surfaces import Geometry, Surface, dot
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# Of the distance to a light: what lies nearer to it than this is the light.
+TARGET_SHORTENING = 1e-5
+
+
+class Visibility:
+    """Who hides what from whom: rays among a scene's instances by their ray visibility.
+
+    Attributes
+    ----------
+    camera : what camera rays hit.
+    opaque : what stops shadow rays for certain.
+    unknown : what may stop them, in a way that is not known.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        instances = scene.instances
+        solid = [k for k, i in enumerate(instances) if len(scene.meshes[i.mesh].triangles)]
+        shadowing = [k for k in solid if instances[k].visible_shadow]
+        opaque = [k for k in shadowing if self._stops_light(k)]
+        unknown = [k for k in shadowing if not self._stops_light(k)]
+        seen = [k for k in solid if instances[k].visible_camera]
+        self.camera = Caster(scene.meshes, instances, seen)
+        alike = seen == opaque
+        self.opaque = self.camera if alike else Caster(scene.meshes, instances, opaque)
+        self.unknown = Caster(scene.meshes, instances, unknown)
+
+    def _stops_light(self, instance: int) -> bool:
+        materials = self._scene.instances[instance].materials
+        return all(self._scene.materials[m].opaque for m in materials)
+
+    def cause(self, instance: int) -> Unsupported:
+        """Return why light through the unknown `instance` cannot be followed."""
+        placed = self._scene.instances[instance]
+        for index in placed.materials:
+            material = self._scene.materials[index]
+            if not material.opaque and material.unsupported:
+                return material.unsupported[0]
+        return Unsupported("object", placed.name, "transparency")
+
+
+class Exclusion(NamedTuple):
+    """Points `rows` (k,) whose light is not known, and why."""
+
+    rows: Ints
+    cause: Unsupported
+
+
+class Arrival(NamedTuple):
+    """What one emitter sends to a batch of points.
+
+    Attributes
+    ----------
+    emitter : the light; its `rgb` times `irradiance` is in W/m².
+    irradiance : (n,) estimates.
+    exclusions : points for which they can't be trusted.
+    """
+
+    emitter: Emitter
+    irradiance: Floats
+    exclusions: list[Exclusion]
+
+
+class DirectLight:
+    """The direct light of a scene, anywhere.
+
+    Attributes
+    ----------
+    geometry, visibility : of the scene.
+    emitters : all lights; `names` are those of their layers.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.geometry = Geometry(scene)
+        self.visibility = Visibility(scene)
+        self.emitters, self.names = emitters(scene)
+
+    def arrivals(
+        self, surface: Surface, group: Ints, uniform: Callable[[int], Floats]
+    ) -> Iterator[Arrival]:
+        """Yield the light of each emitter that reaches any of the points.
+
+        Parameters
+        ----------
+        surface : n points.
+        group : (n,) points of equal numbers, counted from 0, share a control variate.
+        uniform : gives points (n, 2) in [0, 1) for the emitter of a number.
+        """
+        for number, emitter in enumerate(self.emitters):
+            sample = emitter.light.sample(surface.point, surface.normal, uniform(number))
+            cosine = dot(surface.normal, sample.wi)
+            value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
+            value *= self._terminator_shading(surface, cosine)
+            lit = np.flatnonzero(value)
+            if not len(lit):
+                continue
+            seen, exclusions = self._seen(emitter, surface, sample, lit)
+            if emitter.cause is not None:
+                reached = Exclusion(lit[seen], emitter.cause)
+                yield Arrival(emitter, np.zeros(len(value)), [reached, *exclusions])
+                continue
+            visible = np.zeros(len(value))
+            visible[lit] = seen
+            exact = self._exact(emitter, surface)
+            irradiance = value * visible
+            if exact is not None:
+                irradiance = _controlled(value, visible, lit, exact, group)
+            yield Arrival(emitter, irradiance, exclusions)
+
+    def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
+        """Return the unoccluded irradiance (n,), nan where no closed form holds."""
+        if emitter.light.is_delta:
+            return None
+        exact = emitter.light.irradiance(surface.point, surface.normal)
+        frequency = self.geometry.shading_frequency[surface.instance]
+        if exact is not None and np.any(frequency != 1.0):
+            exact = np.where(frequency == 1.0, exact, np.nan)
+        return exact
+
+    def _terminator_shading(self, surface: Surface, cosine: Floats) -> Floats | float:
+        """Return Cycles' shading offset of the shadow terminator, cos(kθ)/cosθ, (n,)."""
+        frequency = self.geometry.shading_frequency[surface.instance]
+        if np.all(frequency == 1.0):
+            return 1.0
+        angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+        shifted = np.maximum(np.cos(angle * frequency), 0.0)
+        ratio = np.divide(shifted, cosine, out=np.ones_like(cosine), where=cosine > 0.0)
+        return np.where(frequency > 1.0, ratio, 1.0)
+
+    def _seen(
+        self, emitter: Emitter, surface: Surface, sample: LightSample, lit: Ints
+    ) -> tuple[Bools, list[Exclusion]]:
+        """Return for the points `lit` whether they see their light sample, and what is open."""
+        if not emitter.light.cast_shadow:
+            return np.ones(len(lit), dtype=bool), []
+        part = surface.take(lit)
+        wi, distance = sample.wi[lit], sample.distance[lit]
+        origins = self.geometry.shadow_origins(part, wi)
+        near = np.isfinite(distance)
+        reach = np.where(near, distance, 0.0)[:, None]
+        target = np.where(near[:, None], part.point + wi * reach - origins, wi)
+        length = np.sqrt(dot(target, target))
+        directions = target / np.maximum(length, 1e-300)[:, None]
+        reach = np.where(near, length * (1.0 - TARGET_SHORTENING) - part.epsilon, np.inf)
+        seen = ~self.visibility.opaque.occluded(origins, directions, np.maximum(reach, 0.0))
+        return seen, self._open(lit, seen, origins, directions, reach)
+
+    def _open(
+        self, lit: Ints, seen: Bools, origins: Floats, directions: Floats, reach: Floats
+    ) -> list[Exclusion]:
+        """Return which of the seen rays cross something that may or may not stop them."""
+        if not self.visibility.unknown.count:
+            return []
+        rows = np.flatnonzero(seen)
+        hits = self.visibility.unknown.intersect(origins[rows], directions[rows])
+        crossed = np.where(hits.distance < reach[rows], hits.instance, -1)
+        return [
+            Exclusion(lit[rows[crossed == instance]], self.visibility.cause(int(instance)))
+            for instance in np.unique(crossed[crossed >= 0])
+        ]
+
+
+def _controlled(
+    value: Floats, visible: Floats, lit: Ints, exact: Floats, group: Ints
+) -> Floats:
+    """Return estimates (n,) with the closed form `exact` as control variate where it is known."""
+    tested = np.zeros(len(value))
+    tested[lit] = 1.0
+    groups = int(group[-1]) + 1 if len(group) else 0
+    others = np.bincount(group, tested, groups)[group] - tested
+    seen = np.bincount(group, visible, groups)[group] - visible
+    share = np.divide(seen, others, out=np.ones_like(seen), where=others > 0)
+    known = np.isfinite(exact)
+    share[~known] = 0.0
+    return share * np.where(known, exact, 0.0) + value * (visible - share)

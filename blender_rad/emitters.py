@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything that sheds light in a scene, known or not, as one list for the estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from .lights import Light, LightSample
+from .lights._base import Array
+from .lights.mesh import MeshLight
+from .lights.world import WorldLight
+from .rays import transform_points
+from .scene import Instance, Material, Scene, Unsupported
+
+WORLD_NAME = "World"
+
+
+@dataclass(frozen=True)
+class Emitter:
+    """A light and the layer that it belongs to.
+
+    Attributes
+    ----------
+    light : to be sampled.
+    layer : index into the layers' names, -1 for what only excludes.
+    cause : set where the emission is not known: points that it reaches are out.
+    """
+
+    light: Light
+    layer: int
+    cause: Unsupported | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Beacon(Light):
+    """A place from which light of an unknown kind comes; it is asked for visibility alone."""
+
+    kind: ClassVar[str] = "BEACON"
+    position: Array
+
+    def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
+        away = self.position - points
+        distance = np.linalg.norm(away, axis=1)
+        wi = away / np.maximum(distance, 1e-300)[:, None]
+        return LightSample(wi, distance, np.ones(len(points)), np.full(len(points), np.inf))
+
+    def radiant_flux(self) -> Array:
+        return np.full(3, np.nan)
+
+    @classmethod
+    def examples(cls) -> list[Light]:
+        return [cls(name="beacon", rgb=np.ones(3), position=np.zeros(3))]
+
+
+def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
+    """Return the scene's emitters and the names of their layers."""
+    known: list[Light] = list(scene.lights)
+    unknown: list[tuple[Light, Unsupported]] = []
+    for instance in scene.instances:
+        for slot, material in _emitting_slots(scene, instance):
+            light = _mesh_light(scene, instance, slot, material)
+            if material.emission_known:
+                known.append(light)
+            else:
+                unknown.append((light, _cause(material.unsupported, "material", material.name)))
+    world = scene.world
+    if world.visible_diffuse and world.known and any(world.radiance):
+        known.append(WorldLight(name=WORLD_NAME, rgb=np.array(world.radiance)))
+    if world.visible_diffuse and not world.known:
+        cause = _cause(world.unsupported, "world", WORLD_NAME)
+        unknown.append((WorldLight(name=WORLD_NAME, rgb=np.ones(3)), cause))
+    for name, position in scene.unknown_lights:
+        own = tuple(u for u in scene.unsupported if u.kind == "light" and u.name == name)
+        light = _beacon(name, position)
+        unknown.append((light, _cause(own, "light", name)))
+    names = list(dict.fromkeys(light.name for light in known))
+    found = [Emitter(light, names.index(light.name)) for light in known]
+    return found + [Emitter(light, -1, cause) for light, cause in unknown], names
+
+
+def _beacon(name: str, position: Array | None) -> Light:
+    if position is None:
+        return WorldLight(name=name, rgb=np.ones(3))
+    return _Beacon(name=name, rgb=np.ones(3), position=position)
+
+
+def _emitting_slots(scene: Scene, instance: Instance) -> list[tuple[int, Material]]:
+    """Return the slots whose material lights other surfaces."""
+    if not instance.visible_diffuse or instance.proxy:
+        return []
+    materials = [(k, scene.materials[m]) for k, m in enumerate(instance.materials)]
+    return [(k, m) for k, m in materials if m.emits or not m.emission_known]
+
+
+def _mesh_light(scene: Scene, instance: Instance, slot: int, material: Material) -> Light:
+    mesh = scene.meshes[instance.mesh]
+    last = len(instance.materials) - 1
+    chosen = mesh.triangles[np.minimum(mesh.slots, last) == slot]
+    vertices = transform_points(instance.world_from_object, mesh.vertices)
+    rgb = np.array(material.emission) if material.emission_known else np.ones(3)
+    return MeshLight(name=instance.name, rgb=rgb, triangles=vertices[chosen])
+
+
+def _cause(found: tuple[Unsupported, ...], kind: str, name: str) -> Unsupported:
+    return found[0] if found else Unsupported(kind, name, "emission")  # type: ignore[arg-type]

@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ray casting: Embree through embreex, with instances, and nothing else.
+
+embreex casts batches of rays without the GIL but has no instances. Embree's own C interface, which
+lies in the library that embreex ships, has them; so meshes and instances are built through it
+(`_embree`, by ctypes) and rays are cast by embreex. A hit reports mesh and triangle but not the
+instance, which is then asked for in packets of 16, and only where a mesh has several.
+
+Rays are float32. A hit point is therefore never taken from a distance: it is computed in float64
+from the triangle and its barycentric coordinates.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scene import Instance, Mesh
+
+Floats = NDArray[np.float64]
+
+# Embree 4's constants, from its public headers.
+_TRIANGLE, _INSTANCE = 0, 121  # RTCGeometryType
+_INDEX_BUFFER, _VERTEX_BUFFER = 0, 1  # RTCBufferType
+_UINT3, _FLOAT3, _FLOAT3X4_ROW = 0x5003, 0x9003, 0x9134  # RTCFormat
+_ROBUST = 4  # RTC_SCENE_FLAG_ROBUST: watertight at edges
+_INVALID = 0xFFFFFFFF
+_PADDING_VERTICES = 2  # Embree reads 16 bytes at the last vertex of 12
+# RTCRayHit16: 21 fields of 16 lanes.
+_PACKET, _FIELDS = 16, 21
+_ORIGIN, _DIRECTION, _DISTANCE, _MASK = 0, 4, 8, 9
+_U, _V, _TRIANGLE_ID, _GEOMETRY_ID, _INSTANCE_ID = 15, 16, 17, 18, 19
+
+_SCENE_FIELDS_BYTES = 24  # embreex's EmbreeScene: a handle, a flag, a device
+_FAR = 1e37
+
+
+class Hits(NamedTuple):
+    """What rays hit first; -1 and inf where they hit nothing.
+
+    Attributes
+    ----------
+    instance : (n,) index into the instances that the caster was built from.
+    triangle : (n,) index into the triangles of the instance's mesh.
+    u, v : (n,) barycentric weights of the triangle's second and third corner.
+    distance : (n,) in units of the direction's length.
+    """
+
+    instance: NDArray[np.int64]
+    triangle: NDArray[np.int64]
+    u: Floats
+    v: Floats
+    distance: Floats
+
+
+@functools.cache
+def _embree() -> ctypes.CDLL:
+    """Return Embree's C interface: the few functions that embreex leaves out."""
+    lib = ctypes.CDLL(str(_library_path()))
+    pointer, uint, size = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
+    signatures: dict[str, tuple[Any, list[Any]]] = {
+        "rtcGetSceneDevice": (pointer, [pointer]),
+        "rtcNewScene": (pointer, [pointer]),
+        "rtcSetSceneFlags": (None, [pointer, uint]),
+        "rtcCommitScene": (None, [pointer]),
+        "rtcReleaseScene": (None, [pointer]),
+        "rtcNewGeometry": (pointer, [pointer, uint]),
+        "rtcCommitGeometry": (None, [pointer]),
+        "rtcReleaseGeometry": (None, [pointer]),
+        "rtcAttachGeometryByID": (None, [pointer, pointer, uint]),
+        "rtcSetNewGeometryBuffer": (pointer, [pointer, uint, uint, uint, size, size]),
+        "rtcSetGeometryInstancedScene": (None, [pointer, pointer]),
+        "rtcSetGeometryTransform": (None, [pointer, uint, uint, pointer]),
+        "rtcIntersect16": (None, [pointer, pointer, pointer, pointer]),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(lib, name)
+        function.restype, function.argtypes = result, arguments
+    return lib
+
+
+def _library_path() -> Path:
+    """Return the Embree library that embreex itself was linked with."""
+    import embreex
+
+    package = Path(embreex.__file__).parent
+    folders = (package.parent / "embreex.libs", package / ".dylibs", package)
+    for folder in folders:
+        for pattern in ("libembree4*", "embree4*.dll"):
+            for path in sorted(folder.glob(pattern)):
+                return path
+    raise ImportError(f"no Embree library beside {package}; reinstall embreex")
+
+
+def embree_version() -> str:
+    """Return Embree's version, such as '4.4.0'."""
+    from embreex.rtcore import EmbreeDevice
+
+    return repr(EmbreeDevice()).rsplit(" ", 1)[-1]
+
+
+class Caster:
+    """Casts rays against some of a scene's instances.
+
+    Parameters
+    ----------
+    meshes, instances : of the scene.
+    chosen : indices of the instances that rays can hit.
+
+    Notes
+    -----
+    A mesh with a single user becomes triangles in world space in the top-level scene, as Cycles'
+    static BVH has it; a shared mesh becomes one Embree scene and an Embree instance for each user.
+    Geometry numbers: an instance's own index for the former and for Embree instances, and the mesh
+    index after all of these for the triangles inside a shared mesh.
+    """
+
+    def __init__(
+        self, meshes: Sequence[Mesh], instances: Sequence[Instance], chosen: Sequence[int]
+    ) -> None:
+        self._device, self._scene = _new_scene()
+        self._handle = _handle(self._scene)
+        self._own: list[int] = []  # scenes of shared meshes, to be released
+        self.count = len(chosen)
+        users = Counter(instances[index].mesh for index in chosen)
+        shared = {
+            mesh: self._shared_scene(meshes[mesh], len(instances) + mesh)
+            for mesh, count in users.items()
+            if count > 1
+        }
+        for index in chosen:
+            instance = instances[index]
+            if instance.mesh in shared:
+                self._attach_instance(shared[instance.mesh], instance.world_from_object, index)
+            else:
+                mesh = meshes[instance.mesh]
+                world = transform_points(instance.world_from_object, mesh.vertices)
+                self._attach_triangles(self._handle, world, mesh.triangles, index)
+        _embree().rtcCommitScene(self._handle)
+        self._scene.is_committed = 1
+        self._first_shared = len(instances)
+
+    def _attach_triangles(
+        self, scene: int, vertices: NDArray[Any], triangles: NDArray[np.int32], number: int
+    ) -> None:
+        rtc = _embree()
+        geometry = rtc.rtcNewGeometry(rtc.rtcGetSceneDevice(scene), _TRIANGLE)
+        padded = np.zeros((len(vertices) + _PADDING_VERTICES, 3), dtype=np.float32)
+        padded[: len(vertices)] = vertices
+        corners = np.ascontiguousarray(triangles, dtype=np.uint32)
+        for buffer, form, values in (
+            (_VERTEX_BUFFER, _FLOAT3, padded),
+            (_INDEX_BUFFER, _UINT3, corners),
+        ):
+            room = rtc.rtcSetNewGeometryBuffer(geometry, buffer, 0, form, 12, len(values))
+            ctypes.memmove(room, values.ctypes.data, values.nbytes)
+        self._attach(scene, geometry, number)
+
+    def _attach_instance(self, mesh_scene: int, world_from_object: Floats, number: int) -> None:
+        rtc = _embree()
+        geometry = rtc.rtcNewGeometry(rtc.rtcGetSceneDevice(self._handle), _INSTANCE)
+        rtc.rtcSetGeometryInstancedScene(geometry, mesh_scene)
+        rows = np.ascontiguousarray(world_from_object[:3], dtype=np.float32)
+        rtc.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_ROW, rows.ctypes.data)
+        self._attach(self._handle, geometry, number)
+
+    @staticmethod
+    def _attach(scene: int, geometry: int, number: int) -> None:
+        rtc = _embree()
+        rtc.rtcCommitGeometry(geometry)
+        rtc.rtcAttachGeometryByID(scene, geometry, number)
+        rtc.rtcReleaseGeometry(geometry)
+
+    def _shared_scene(self, mesh: Mesh, number: int) -> int:
+        rtc = _embree()
+        scene: int = rtc.rtcNewScene(rtc.rtcGetSceneDevice(self._handle))
+        self._own.append(scene)
+        rtc.rtcSetSceneFlags(scene, _ROBUST)
+        self._attach_triangles(scene, mesh.vertices, mesh.triangles, number)
+        rtc.rtcCommitScene(scene)
+        return scene
+
+    def __del__(self) -> None:
+        for scene in getattr(self, "_own", ()):
+            _embree().rtcReleaseScene(scene)
+
+    def occluded(self, origins: Floats, directions: Floats, distances: Floats) -> NDArray[np.bool_]:
+        """Return (n,) whether anything lies within `distances` (n,) along the rays."""
+        if not self.count or not len(origins):
+            return np.zeros(len(origins), dtype=bool)
+        answer = self._scene.run(
+            np.ascontiguousarray(origins, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            dists=np.minimum(distances, _FAR).astype(np.float32),
+            query="OCCLUDED",
+        )
+        return np.asarray(answer == 0)
+
+    def intersect(self, origins: Floats, directions: Floats) -> Hits:
+        """Return the nearest hits of rays from `origins` (n, 3) along `directions` (n, 3)."""
+        n = len(origins)
+        if not self.count or not n:
+            nothing = np.full(n, -1)
+            return Hits(nothing, nothing, np.zeros(n), np.zeros(n), np.full(n, np.inf))
+        origins32 = np.ascontiguousarray(origins, dtype=np.float32)
+        directions32 = np.ascontiguousarray(directions, dtype=np.float32)
+        found = self._scene.run(origins32, directions32, output=True)
+        hits = Hits(
+            found["geomID"].astype(np.int64),
+            found["primID"].astype(np.int64),
+            found["u"].astype(np.float64),
+            found["v"].astype(np.float64),
+            np.where(found["geomID"] >= 0, found["tfar"], np.inf).astype(np.float64),
+        )
+        shared = np.flatnonzero(hits.instance >= self._first_shared)
+        if len(shared):
+            again = self._intersect_packets(origins32[shared], directions32[shared])
+            for mine, theirs in zip(hits, again, strict=True):
+                mine[shared] = theirs
+        return hits
+
+    def _intersect_packets(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32]
+    ) -> Hits:
+        """Cast rays 16 at a time: slower than embreex, but it tells the instance."""
+        n = len(origins)
+        packets = -(-n // _PACKET)
+        rays = _aligned_zeros(packets, _FIELDS, _PACKET)
+        words = rays.view(np.uint32)
+        for field, values in ((_ORIGIN, origins), (_DIRECTION, directions)):
+            lanes = np.resize(values, (packets * _PACKET, 3))
+            rays[:, field : field + 3] = lanes.reshape(packets, _PACKET, 3).swapaxes(1, 2)
+        rays[:, _DISTANCE] = _FAR
+        words[:, _MASK] = _INVALID
+        words[:, _TRIANGLE_ID : _FIELDS] = _INVALID
+        valid = _aligned_zeros(_PACKET).view(np.int32)
+        valid[:] = -1
+        cast, lane_flags = _embree().rtcIntersect16, valid.ctypes.data
+        start, step = rays.ctypes.data, rays.strides[0]
+        for address in range(start, start + packets * step, step):
+            cast(lane_flags, self._handle, address, None)
+
+        def column(array: NDArray[Any], field: int) -> NDArray[Any]:
+            return array[:, field].reshape(-1)[:n]
+
+        own, triangle = column(words, _INSTANCE_ID), column(words, _TRIANGLE_ID)
+        instance = np.where(own == _INVALID, column(words, _GEOMETRY_ID), own).astype(np.int64)
+        missed = triangle == _INVALID
+        return Hits(
+            np.where(missed, -1, instance),
+            np.where(missed, -1, triangle.astype(np.int64)),
+            column(rays, _U).astype(np.float64),
+            column(rays, _V).astype(np.float64),
+            np.where(missed, np.inf, column(rays, _DISTANCE)).astype(np.float64),
+        )
+
+
+def transform_points(matrix: Floats, points: NDArray[Any]) -> Floats:
+    """Return `points` (n, 3) moved by the affine `matrix` (4, 4)."""
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _new_scene() -> tuple[Any, Any]:
+    from embreex.rtcore import EmbreeDevice
+    from embreex.rtcore_scene import EmbreeScene
+
+    if EmbreeScene.__basicsize__ != object.__basicsize__ + _SCENE_FIELDS_BYTES:
+        raise ImportError("this embreex lays out its scenes in a way that is not known here")
+    device = EmbreeDevice()
+    return device, EmbreeScene(device, robust=True)
+
+
+def _handle(scene: Any) -> int:
+    """Return the C handle that an embreex scene wraps: its first field."""
+    return ctypes.c_void_p.from_address(id(scene) + object.__basicsize__).value or 0
+
+
+def _aligned_zeros(*shape: int) -> NDArray[np.float32]:
+    """Return float32 zeros that start at a multiple of 64 bytes, as packets must."""
+    count = int(np.prod(shape))
+    raw = np.zeros(count + 16, dtype=np.float32)
+    skip = (-raw.ctypes.data % 64) // 4
+    return raw[skip : skip + count].reshape(shape)

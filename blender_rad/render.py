@@ -1,0 +1,411 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a scene to a film: camera samples in rounds, to the pixels that need them, on threads.
+
+Every round takes one point of each of `STREAMS` independent low-discrepancy sequences a pixel;
+the spread of the streams gives each pixel's variance. The first rounds go to all pixels. Then, for
+a target error, the samples that remain are shared out as costs least: in proportion to a pixel's
+standard deviation, relative to its signal, smoothed over its neighbours.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cameras import CameraRays, camera_rays, view_depth
+from .direct import DirectLight
+from .errors import RadError
+from .film import Film
+from .rays import Hits
+from .sampling import MAX_POINTS, points
+from .scene import Camera, Scene, Unsupported
+from .surfaces import Surface
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Progress = Callable[[float], None]
+
+STREAMS = 8
+FIRST_ROUNDS = 1  # for all pixels, before any decision
+BATCH = 16384  # camera samples worked off at a time, so that arrays stay near the processor
+GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How long and how well to render.
+
+    Attributes
+    ----------
+    samples : camera samples a pixel; None samples until `error`.
+    error : target of `Film.relative_standard_error`.
+    per_light : whether to keep a layer for each light.
+    threads : None for all cores.
+    time_limit : [s] after which the samples so far make the picture; None for no limit.
+    seed : of the randomisation.
+    """
+
+    samples: int | None = None
+    error: float = 0.01
+    per_light: bool = True
+    threads: int | None = None
+    time_limit: float | None = None
+    seed: int = 0
+
+
+class CancelledError(Exception):
+    """The render was asked to stop."""
+
+
+def render(
+    scene: Scene,
+    settings: Settings | None = None,
+    *,
+    progress: Progress | None = None,
+    cancel: threading.Event | None = None,
+) -> Film:
+    """Return the direct light of `scene` as its camera sees it.
+
+    Parameters
+    ----------
+    progress : called with the share of the work done, 0 to 1, as far as it can be foreseen.
+    cancel : set from elsewhere to stop.
+
+    Raises
+    ------
+    RadError
+        When the scene has no camera.
+    CancelledError
+        When `cancel` was set.
+    """
+    if scene.camera is None:
+        raise RadError("no camera", scene.file, "expected a scene with an active camera")
+    run = _Run(scene, scene.camera, settings or Settings(), progress, cancel)
+    return run.film()
+
+
+class _Batch:
+    """Camera samples of some pixels, and what was found for them; a row a sample.
+
+    The samples of a pixel, one a stream, lie side by side.
+    """
+
+    def __init__(self, rows: Ints, streams: int) -> None:
+        self.rows, self.streams = rows, streams
+        count = len(rows) * streams
+        self.reflected = np.zeros((count, 3))
+        self.seen = np.zeros((count, 3))
+        self.irradiance = np.zeros((count, 3))
+        self.normal = np.zeros((count, 3))
+        self.alpha = np.zeros(count)
+        self.depth = np.full(count, np.inf)
+
+    def by_pixel(self, values: Floats) -> Floats:
+        """Return `values` (samples, ...) as (pixels, streams, ...)."""
+        return values.reshape(len(self.rows), self.streams, *values.shape[1:])
+
+
+class _Pixels:
+    """What accumulates for the pixels inside the border; a row a pixel.
+
+    Batches of one round touch different rows, so threads need no lock.
+    """
+
+    def __init__(self, layers: int, count: int) -> None:
+        self.streams = np.zeros((STREAMS, count, 3))
+        self.taken = np.zeros((STREAMS, count), dtype=np.int64)
+        self.lights = np.zeros((layers, count, 3), dtype=np.float32)
+        self.seen = np.zeros((count, 3))
+        self.irradiance = np.zeros((count, 3))
+        self.normal = np.zeros((count, 3))
+        self.alpha = np.zeros(count)
+        self.depth = np.full(count, np.inf)
+
+    def add(self, batch: _Batch) -> None:
+        """Add the sums of a batch to those of its pixels."""
+        rows = batch.rows
+        radiance = batch.by_pixel(batch.reflected + batch.seen)
+        self.streams[: batch.streams, rows] += radiance.swapaxes(0, 1)
+        self.taken[: batch.streams, rows] += 1
+        for name in ("seen", "irradiance", "normal", "alpha"):
+            getattr(self, name)[rows] += batch.by_pixel(getattr(batch, name)).sum(axis=1)
+        self.depth[rows] = np.minimum(self.depth[rows], batch.by_pixel(batch.depth).min(axis=1))
+
+    def add_light(self, batch: _Batch, samples: Ints, layer: int, reflected: Floats) -> None:
+        """Add what `samples` of a batch reflect of one light."""
+        whole = np.zeros_like(batch.reflected)
+        whole[samples] = reflected
+        self.lights[layer, batch.rows] += batch.by_pixel(whole).sum(axis=1)
+
+    @property
+    def samples(self) -> Ints:
+        """Camera samples (n,) a pixel."""
+        return np.asarray(self.taken.sum(axis=0))
+
+    def mean(self) -> Floats:
+        """Radiance (n, 3)."""
+        return self.streams.sum(axis=0) / np.maximum(self.samples, 1)[:, None]
+
+    def variance(self) -> Floats:
+        """Variance (n, 3) of the mean, from the spread of the streams; nan with a single one."""
+        mean, total = self.mean(), self.samples
+        used = (self.taken > 0).sum(axis=0)
+        spread = np.zeros_like(mean)
+        for stream, taken in zip(self.streams, self.taken, strict=True):
+            count = np.maximum(taken, 1)[:, None]
+            spread += taken[:, None] * (stream / count - mean) ** 2
+        freedom = ((used - 1) * total).astype(float)
+        return spread / np.where(freedom > 0, freedom, np.nan)[:, None]
+
+
+class _Run:
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        settings: Settings,
+        progress: Progress | None,
+        cancel: threading.Event | None,
+    ) -> None:
+        self.scene, self.camera, self.settings = scene, camera, settings
+        self.light = DirectLight(scene)
+        self.albedo = np.array([m.albedo for m in scene.materials]).reshape(-1, 3)
+        self.emission = np.array([m.emission for m in scene.materials]).reshape(-1, 3)
+        self.unsupported = [m.unsupported for m in scene.materials]
+        self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
+        self.inside = _inside(scene)
+        self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
+        layers = len(self.light.names) if settings.per_light else 0
+        self.sums = _Pixels(layers, len(self.place))
+        self.progress = progress or (lambda share: None)
+        self.cancel = cancel or threading.Event()
+        limit = settings.time_limit
+        self.deadline = np.inf if limit is None else time.monotonic() + limit
+        self.late = False
+
+    # --- scheduling ---------------------------------------------------------------------------
+
+    def film(self) -> Film:
+        """Take all samples and return the picture."""
+        with ThreadPoolExecutor(self.settings.threads or os.cpu_count()) as pool:
+            if self.settings.samples is not None:
+                self._take_fixed(pool, self.settings.samples)
+            else:
+                self._take_until(pool, self.settings.error)
+        return self._developed()
+
+    def _take_fixed(self, pool: ThreadPoolExecutor, samples: int) -> None:
+        everyone = np.arange(len(self.place))
+        for taken in range(0, samples, STREAMS):
+            streams = min(STREAMS, samples - taken)
+            self._round(pool, everyone, streams, (taken / samples, (taken + streams) / samples))
+
+    def _take_until(self, pool: ThreadPoolExecutor, error: float) -> None:
+        everyone = np.arange(len(self.place))
+        for _ in range(FIRST_ROUNDS):
+            self._round(pool, everyone, STREAMS, (0.0, 0.0))
+        while not self.late:
+            wanted, share = self._wanted_rounds(error)
+            if not wanted.any():
+                break
+            for step in range(1, int(wanted.max()) + 1):
+                rows = np.flatnonzero(wanted >= step)
+                self._round(pool, rows, STREAMS, (share, share))
+
+    def _wanted_rounds(self, error: float) -> tuple[Ints, float]:
+        """Return how many more rounds each pixel should have (n,), and the share of work done."""
+        mean, variance = self.sums.mean(), self.sums.variance()
+        signal = mean**2 + 0.01 * np.mean(mean, axis=0) ** 2
+        ratio = np.divide(variance, signal, out=np.zeros_like(variance), where=signal > 0)
+        if np.mean(ratio) <= error**2:
+            return np.zeros(len(mean), dtype=np.int64), 1.0
+        taken = self.sums.taken[0]
+        one_round = np.sqrt(self._smoothed(ratio.mean(axis=1) * taken))
+        wanted = one_round * (np.mean(one_round) / error**2)
+        wanted = np.clip(np.ceil(wanted), taken, np.minimum(np.ceil(GROWTH * taken), MAX_POINTS))
+        share = min(1.0, float(error**2 / np.mean(ratio)))
+        return wanted.astype(np.int64) - taken, share
+
+    def _smoothed(self, values: Floats) -> Floats:
+        """Return `values` (n,) averaged over the 3×3 neighbourhood of each pixel."""
+        width, height = self.scene.resolution
+        rows, columns = np.divmod(self.place, width)
+        frame = np.zeros((2, height + 2, width + 2))  # values and counts, with a rim of zeros
+        frame[:, rows + 1, columns + 1] = values, np.ones(len(values))
+        near = [(y, x) for y in range(3) for x in range(3)]
+        total = np.sum([frame[:, rows + y, columns + x] for y, x in near], axis=0)
+        return np.asarray(total[0] / total[1])
+
+    def _round(
+        self, pool: ThreadPoolExecutor, rows: Ints, streams: int, share: tuple[float, float]
+    ) -> None:
+        """Take one sample of each stream for the pixels `rows`."""
+        if self.late:
+            return
+        size = max(BATCH // streams, 1)
+        batches = [rows[k : k + size] for k in range(0, len(rows), size)]
+        jobs = [pool.submit(self._batch, batch, streams) for batch in batches]
+        try:
+            for number, job in enumerate(jobs):
+                job.result()
+                self.progress(share[0] + (share[1] - share[0]) * (number + 1) / len(jobs))
+        except BaseException:
+            self.cancel.set()
+            wait(jobs, return_when=FIRST_EXCEPTION)
+            raise
+
+    def _batch(self, rows: Ints, streams: int) -> None:
+        if self.cancel.is_set():
+            raise CancelledError
+        if time.monotonic() > self.deadline and self.sums.taken[0, rows].all():
+            self.late = True
+            return
+        self._trace(rows, streams)
+
+    # --- one batch ----------------------------------------------------------------------------
+
+    def _trace(self, rows: Ints, streams: int) -> None:
+        """Take one sample of each of the first `streams` streams for the pixels `rows` (p,)."""
+        pixel = np.repeat(self.place[rows], streams)  # streams of a pixel lie side by side
+        stream = np.tile(np.arange(streams), len(rows))
+        index = self.sums.taken[:streams, rows].T.reshape(-1)
+
+        def uniform(dimension: int) -> Floats:
+            return points(pixel, stream, index, dimension, self.settings.seed)
+
+        batch = _Batch(rows, streams)
+        rays = camera_rays(self.camera, self.scene.resolution, self._positions(pixel, uniform(0)))
+        hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
+        met = (hits.instance >= 0) & (hits.distance <= rays.reach)
+        self._see_background(batch, rays, met, hits.distance)
+        samples = np.flatnonzero(met)
+        if len(samples):
+            mine = Hits(*(each[samples] for each in hits))
+            surface = self.light.geometry.surface(mine, rays.directions[samples])
+            self._see_surface(batch, samples, surface)
+            self._gather(batch, samples, surface, lambda number: uniform(number + 1)[samples])
+        self.sums.add(batch)
+
+    def _see_surface(self, batch: _Batch, samples: Ints, surface: Surface) -> None:
+        """Note what the camera sees of the surfaces themselves."""
+        batch.seen[samples] += self.emission[surface.material]
+        batch.normal[samples] = surface.normal
+        batch.depth[samples] = view_depth(self.camera, surface.point)
+        for material in np.unique(surface.material):
+            for cause in self.unsupported[material]:
+                self._exclude(batch, samples[surface.material == material], cause)
+
+    def _gather(
+        self,
+        batch: _Batch,
+        samples: Ints,
+        surface: Surface,
+        uniform: Callable[[int], Floats],
+    ) -> None:
+        """Add the light that the surfaces reflect."""
+        brdf = self.albedo[surface.material] / np.pi
+        pixel = samples // batch.streams
+        group = np.cumsum(np.diff(pixel, prepend=pixel[0]) != 0)
+        for arrival in self.light.arrivals(surface, group, uniform):
+            emitter = arrival.emitter
+            for exclusion in arrival.exclusions:
+                self._exclude(batch, samples[exclusion.rows], exclusion.cause)
+            if emitter.layer < 0:
+                continue
+            irradiance = arrival.irradiance[:, None] * emitter.light.rgb
+            batch.irradiance[samples] += irradiance
+            reflected = brdf * irradiance
+            batch.reflected[samples] += reflected
+            if self.settings.per_light:
+                self.sums.add_light(batch, samples, emitter.layer, reflected)
+
+    def _positions(self, pixel: Ints, jitter: Floats) -> Floats:
+        """Return picture positions (n, 2), y up, of a box filter one pixel wide."""
+        width, height = self.scene.resolution
+        row, column = np.divmod(pixel, width)
+        return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]], axis=-1)
+
+    def _see_background(
+        self, batch: _Batch, rays: CameraRays, met: Bools, distance: Floats
+    ) -> None:
+        """Note what the camera sees besides surfaces: the world, and lights that show."""
+        world, transparent = self.scene.world, self.scene.film_transparent
+        batch.alpha[:] = met if transparent else 1.0
+        if world.visible_camera and not transparent:
+            if world.known:
+                batch.seen[~met] = world.radiance
+            for cause in world.unsupported:
+                self._exclude(batch, np.flatnonzero(~met), cause)
+        before = np.where(met, distance, rays.reach)
+        for light in self.scene.lights:
+            if light.visible_camera:
+                at, radiance = light.intersect(rays.origins, rays.directions)
+                shown = np.where(np.isinf(at), ~met, at < before)
+                batch.seen += np.where(shown, radiance, 0.0)[:, None] * light.rgb
+
+    def _exclude(self, batch: _Batch, samples: Ints, cause: Unsupported) -> None:
+        if len(samples):
+            rows = batch.rows[np.unique(samples // batch.streams)]
+            self.excluded.append((cause, rows))
+
+    # --- the picture --------------------------------------------------------------------------
+
+    def _developed(self) -> Film:
+        sums, scene = self.sums, self.scene
+        samples = sums.samples
+        weight = 1.0 / np.maximum(samples, 1)
+        masks = self._excluded_by()
+        excluded = np.any([np.zeros(len(samples), dtype=bool), *masks.values()], axis=0)
+        lights = {
+            name: self._framed(layer * weight[:, None].astype(np.float32))
+            for name, layer in zip(self.light.names, sums.lights, strict=False)
+        }
+        length = np.linalg.norm(sums.normal, axis=1)[:, None]
+        return Film(
+            radiance=self._framed(sums.mean()),
+            variance=self._framed(sums.variance()),
+            alpha=self._framed(sums.alpha * weight),
+            lights=lights,
+            seen=self._framed(sums.seen * weight[:, None]),
+            irradiance=self._framed(sums.irradiance * weight[:, None]),
+            depth=self._framed(sums.depth * scene.unit_scale_m),
+            normal=self._framed(sums.normal / np.where(length > 0, length, 1.0)),
+            samples=self._framed(samples),
+            inside=self.inside,
+            excluded=self._framed(excluded),
+            excluded_by={cause: int(mask.sum()) for cause, mask in masks.items()},
+            findings=scene.findings,
+        )
+
+    def _excluded_by(self) -> dict[Unsupported, Bools]:
+        """Return a mask (n,) for each cause of exclusion."""
+        everyone = np.arange(len(self.place))
+        found = self.excluded + [(cause, everyone) for cause in self.camera.unsupported]
+        masks: dict[Unsupported, Bools] = {}
+        for cause, rows in found:
+            masks.setdefault(cause, np.zeros(len(everyone), dtype=bool))[rows] = True
+        return masks
+
+    def _framed(self, values: NDArray[np.generic]) -> NDArray[np.generic]:
+        """Return `values` (n, ...) in the whole frame (h, w, ...), 0 outside the border."""
+        width, height = self.scene.resolution
+        frame = np.zeros((height * width, *values.shape[1:]), dtype=values.dtype)
+        frame[self.place] = values
+        return frame.reshape(height, width, *values.shape[1:])
+
+
+def _inside(scene: Scene) -> Bools:
+    """Return (h, w) whether a pixel lies inside the render border; row 0 is the top."""
+    width, height = scene.resolution
+    inside = np.zeros((height, width), dtype=bool)
+    x0, y0, x1, y1 = scene.border or (0, 0, width, height)
+    inside[height - y1 : height - y0, x0:x1] = True
+    return inside
