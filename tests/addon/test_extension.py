@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ZIP that users install: built, validated, installed, enabled and disabled in a fresh Blender."""
+"""The ZIP that users install: built, validated, installed, enabled and disabled twice."""
 
 from __future__ import annotations
 
