@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sums over cells of 4×4 and tiles of 16×16 pixels: what the statistics are made of.
+
+Witness pixels within a seed depend on each other (blue noise), so nothing here ever adds up their
+variances: differences are pooled seed by seed, and the spread over seeds is taken afterwards. Our
+own pixels are independent, so their variances do add up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..film import Film
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CELL = 4
+CELLS_A_TILE = 4
+TILE = CELL * CELLS_A_TILE
+FLOAT32_ROUNDING = 1e-5  # relative; seeds can agree to the last bit, which is not certainty
+MAX_DF = 200.0  # beyond it t is normal for our purposes, and the incomplete beta stays cheap
+
+
+def block_sums(image: Array, size: int) -> Array:
+    """Return sums over `size`×`size` blocks of the last axes but one: (…, h, w, c)."""
+    h, w = image.shape[-3:-1]
+    rows = np.add.reduceat(image, np.arange(0, h, size), axis=-3)
+    return np.add.reduceat(rows, np.arange(0, w, size), axis=-2)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Sums over the compared pixels of each cell of 4×4 pixels.
+
+    Attributes
+    ----------
+    counts : (r, ch, cw, 1) compared pixels of each replicate, or (1, ch, cw, 1) where all are
+        alike.
+    witness : (r, ch, cw, 3) radiance of each replicate (a seed, or a subset of cells).
+    ours, seen, variance : (ch, cw, 3) our radiance, directly seen emission, and variance of the
+        sum of our radiance.
+    layers : (j, ch, cw, 3) our lights, in the order of `names`.
+    """
+
+    names: tuple[str, ...]
+    counts: Array
+    witness: Array
+    ours: Array
+    seen: Array
+    variance: Array
+    layers: Array
+
+    def residual(self, model: Array) -> Array:
+        """Return what a picture of cell sums (ch, cw, 3) leaves of the witness, (r, ch, cw, 3)."""
+        return self.witness - np.where(self.counts > 0, model, 0.0)
+
+
+def cells_from_seeds(film: Film, seeds: NDArray[np.floating], compared: Mask) -> Cells:
+    """Return the cells of witness renders (s, h, w, 3): every seed sees every cell."""
+    names = tuple(film.lights)
+    ours = cell_sums(film.radiance, compared)
+    counts = block_sums(compared[..., None].astype(float), CELL)
+    layers = [cell_sums(film.lights[name], compared) for name in names]
+    return Cells(
+        names,
+        counts[None],
+        np.stack([cell_sums(seed, compared) for seed in seeds]),
+        ours,
+        cell_sums(film.seen, compared),
+        cell_sums(film.variance, compared),
+        np.stack(layers) if layers else np.zeros((0, *ours.shape)),
+    )
+
+
+def cell_sums(image: NDArray[np.floating], compared: Mask) -> Array:
+    """Return sums of an (h, w, 3) picture over the compared pixels of each cell."""
+    return block_sums(np.where(compared[..., None], image, 0.0).astype(float), CELL)
+
+
+def split_in_space(cells: Cells) -> Cells:
+    """Return eight replicates of one picture: each sees two scattered cells of every tile.
+
+    Their spread holds the picture's noise at the scale of cells and above, and any difference in
+    structure; blue noise makes it too large, never too small.
+    """
+    rows, columns = np.indices(cells.counts.shape[1:3])
+    group = (columns + 2 * (rows // 2 % 2)) % 4 + 4 * (rows % 2)
+    chosen = (group == np.arange(8)[:, None, None])[..., None]
+    return Cells(
+        cells.names,
+        chosen * cells.counts[0],
+        chosen * cells.witness.mean(axis=0),
+        cells.ours,
+        cells.seen,
+        cells.variance,
+        cells.layers,
+    )
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Numbers with their noise.
+
+    Attributes
+    ----------
+    value : (n,).
+    witness_variance, our_variance : (n,) of `value`.
+    df : (n,) degrees of freedom of the sum of both (Welch and Satterthwaite).
+    """
+
+    value: Array
+    witness_variance: Array
+    our_variance: Array
+    df: Array
+
+    @property
+    def error(self) -> Array:
+        """Standard error, (n,)."""
+        return np.sqrt(self.witness_variance + self.our_variance)
+
+    def at(self, index: NDArray[np.int64]) -> Estimates:
+        """Return those at `index`."""
+        return Estimates(
+            self.value[index], self.witness_variance[index], self.our_variance[index], self.df[index]
+        )
+
+
+def estimate(replicates: Array, our_variance: Array, scale: Array) -> Estimates:
+    """Return the mean of `replicates` (r, n), with the spread over them as its noise.
+
+    `scale` (n,) is what the float32 floor is relative to. Our own variance is taken as known:
+    df = (r−1) (σ_w² + σ_o²)² / σ_w⁴.
+    """
+    count = len(replicates)
+    spread = np.var(replicates, axis=0, ddof=1) / count
+    floor = np.maximum((FLOAT32_ROUNDING * scale) ** 2, np.finfo(float).tiny ** 0.5)
+    witness = np.maximum(spread, floor)
+    df = np.minimum((count - 1) * (1.0 + our_variance / witness) ** 2, MAX_DF)
+    return Estimates(replicates.mean(axis=0), witness, our_variance, df)
+
+
+@dataclass(frozen=True)
+class Pools:
+    """Mean differences (witness less ours) of the frame and of each tile, by channel.
+
+    Attributes
+    ----------
+    frame, tiles : differences; (3,) and (t·3,), channels running fastest.
+    frame_scale, tile_scale : our mean in the same order, floored as the tolerance needs it.
+    pixels : (t·3,) compared pixels of the tile.
+    where : (t, 2) row and column of each tile in the grid of tiles.
+    """
+
+    frame: Estimates
+    frame_scale: Array
+    tiles: Estimates
+    tile_scale: Array
+    pixels: Array
+    where: NDArray[np.int64]
+
+
+def pool(cells: Cells, difference: Array, *, dark: float, min_pixels: int) -> Pools:
+    """Return the pools of `difference` (r, ch, cw, 3), sums over cells.
+
+    A channel counts relative to its own mean in the tile, but to no less than `dark` times its mean
+    in the picture, and a channel of the picture to no less than `dark` times the mean of the three:
+    the noise of a channel that holds next to nothing decides nothing. Tiles of fewer than
+    `min_pixels` compared pixels (in any replicate) are left to the frame.
+    """
+    number = cells.counts.sum(axis=(1, 2))
+    picture = np.abs(cells.ours.sum(axis=(0, 1))) / cells.counts[..., 0].max(axis=0).sum()
+    frame_scale = np.maximum(picture, dark * picture.mean())
+    total = cells.counts.max(axis=0)
+    frame = estimate(
+        difference.sum(axis=(1, 2)) / number,
+        cells.variance.sum(axis=(0, 1)) / total.sum() ** 2,
+        frame_scale,
+    )
+    tile_counts = block_sums(cells.counts, CELLS_A_TILE)
+    tile_total = block_sums(total, CELLS_A_TILE)
+    kept = (tile_total[..., 0] >= min_pixels) & np.all(tile_counts[..., 0] > 0, axis=0)
+    tile_total = tile_total[kept]
+    replicates = block_sums(difference, CELLS_A_TILE)[:, kept] / tile_counts[:, kept]
+    ours = np.abs(block_sums(cells.ours, CELLS_A_TILE)[kept]) / tile_total
+    tile_scale = np.maximum(ours, dark * frame_scale).ravel()
+    variance = block_sums(cells.variance, CELLS_A_TILE)[kept] / tile_total**2
+    tiles = estimate(replicates.reshape(len(replicates), -1), variance.ravel(), tile_scale)
+    pixels = np.repeat(tile_total.ravel(), 3)
+    return Pools(frame, frame_scale, tiles, tile_scale, pixels, np.argwhere(kept))

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the judge says, in the shapes of `report.json`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+
+Verdict = Literal["agree", "differ", "undecided"]
+
+EXCLUDED, AGREE, DIFFER, UNDECIDED = range(4)
+
+
+@dataclass(frozen=True)
+class LightInfo:
+    """A row of the light table: object name, type (POINT, SPOT, AREA, SUN, WORLD, MESH), count."""
+
+    name: str
+    type: str
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class PixelCounts:
+    """How many pixels fall into each class, for display only; no verdict rests on them."""
+
+    compared: int
+    agree: int
+    differ: int
+    undecided: int
+    excluded: int
+
+
+@dataclass(frozen=True)
+class LightResult:
+    """One light in the witness.
+
+    Attributes
+    ----------
+    group : shared by lights that cannot be told apart, else None; their factor is the group's.
+    energy_fraction : share of the sum of our lights' absolute energies in the compared pixels.
+    scale_in_witness : the factor on our light that best explains the witness (1 = agrees); nan for
+        a light that puts nothing into the compared pixels.
+    standard_error : of that factor.
+    verdict : `undecided` too for lights below 1 % of the energy, which are not judged.
+    diagnosis : code of the named cause, or None.
+    """
+
+    name: str
+    type: str
+    count: int
+    group: str | None
+    energy_fraction: float
+    scale_in_witness: float
+    standard_error: float
+    verdict: Verdict
+    diagnosis: str | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A witness's verdict on our film.
+
+    Attributes
+    ----------
+    needed_factor : how many times the samples would probably decide; None when decided, or when no
+        number of samples can.
+    our_noise_share : part of the variance of what is undecided that is ours; the rest is the
+        witness's. Tells whose samples to buy.
+    pixel_classes : (h, w) uint8, one of EXCLUDED, AGREE, DIFFER, UNDECIDED.
+    """
+
+    verdict: Verdict
+    pixels: PixelCounts
+    metrics: dict[str, float]
+    lights: tuple[LightResult, ...]
+    findings: tuple[Finding, ...]
+    needed_factor: float | None
+    our_noise_share: float
+    pixel_classes: NDArray[np.uint8] = field(repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return `verdict`, `pixels`, `metrics`, `lights` and `findings`; null where not finite."""
+        return _finite({
+            "verdict": self.verdict,
+            "pixels": asdict(self.pixels),
+            "metrics": self.metrics,
+            "lights": [asdict(light) for light in self.lights],
+            "findings": [asdict(finding) for finding in self.findings],
+        })
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
