@@ -74,10 +74,14 @@ class Light(ABC):
     Attributes
     ----------
     name : the object's name; lights of one name are one layer and one row.
-    rgb : (3,) scene-linear emission: radiant power per channel [W] for point, spot and area
-        lights, irradiance [W/m²] for suns, radiance [W/(m² sr)] for world and mesh.
+    rgb : (3,) scene-linear emission: radiant power per channel for point, spot (as if it had no
+        cone) and area lights, with areas counted in bu² (so that times unit_scale_m² it is in W);
+        irradiance [W/m²] on a facing surface for suns; radiance [W/(m² sr)] for world and mesh.
+        `from_record` folds `normalize` and, in the physical model, the unit scale into it.
     cast_shadow : whether anything can hide it.
     visible_camera : whether camera rays see it.
+    notes : kebab-case codes of what a user should know of this light, such as ``area-sheared``;
+        each is explained in the module of its kind.
     """
 
     kind: ClassVar[str]
@@ -85,6 +89,7 @@ class Light(ABC):
     rgb: Array
     cast_shadow: bool = True
     visible_camera: bool = False
+    notes: tuple[str, ...] = ()
 
     @property
     def is_delta(self) -> bool:
@@ -98,7 +103,8 @@ class Light(ABC):
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         """Return the exact unoccluded irradiance over `rgb`, (n,), or None without a closed form.
 
-        Light from below the horizon of `normals` does not count.
+        Light from below the horizon of `normals` does not count. nan marks single points where no
+        closed form holds (an ellipse cut by the horizon, the edge of a soft spot): sample those.
         """
         return None
 
@@ -112,7 +118,10 @@ class Light(ABC):
 
     @abstractmethod
     def radiant_flux(self) -> Array:
-        """Return the emitted power (3,) [W], nan where it has no meaning (sun, world)."""
+        """Return the emitted power (3,), nan where it has no meaning (sun, world).
+
+        Areas count in bu²: times unit_scale_m² it is in W, in both models.
+        """
 
     @classmethod
     def from_record(cls, record: LightRecord, model: Model) -> Light | None:
