@@ -12,10 +12,10 @@ from ..film import Image
 from .data import ReportData
 
 TILE = 16
-POOLS = (16, 8, 4)
+FINEST = 4
 FLOOR = 0.05  # of the picture's mean: what darker tiles are compared with
 TILE_TOLERANCES = 5.0  # a tile may be off by five times the tolerance
-CLEAR_OF_NOISE = 3.0  # standard errors
+CLEAR_OF_NOISE = 4.0  # standard errors: there are thousands of blocks
 ROUNDING = 1e-5  # relative, of float32 pictures
 
 
@@ -50,50 +50,53 @@ def spread(blocks: NDArray[np.generic], size: int, shape: tuple[int, int]) -> Im
     return np.repeat(np.repeat(blocks, size, 0), size, 1)[: shape[0], : shape[1]]
 
 
-def _luminance_variance(data: ReportData) -> Image | None:
-    """Return the summed variance of both luminances, (h, w).
+def block_sums(data: ReportData) -> dict[int, Image]:
+    """Return sums over blocks of 16, 8 and 4 pixels, coarsest first, each (⌈h/n⌉, ⌈w/n⌉, 4).
 
-    Channels of a pixel come from the same samples and are taken as fully correlated:
-    σ = Σ wᵢ σᵢ. That errs on the side of more noise.
+    Summed are: pixels compared, our luminance, the witness's, and the variance of their
+    difference. Channels of a pixel come from the same samples and are taken as fully correlated,
+    σ = Σ wᵢ σᵢ, and pixels as independent, which they are less than (blue noise): both err on the
+    side of more noise.
     """
-    known = [v for v in (data.variance_ours, data.variance_witness) if v is not None]
-    deviations = (data.luminance(np.sqrt(np.maximum(variance, 0.0))) for variance in known)
-    return sum((d**2 for d in deviations), np.zeros(data.ours.shape[:2])) if known else None
+    use = data.compared
+    variances = [v for v in (data.variance_ours, data.variance_witness) if v is not None]
+    noise = [data.luminance(np.sqrt(np.maximum(v, 0.0))) ** 2 for v in variances]
+    values = (data.luminance(data.ours), data.luminance(data.witness), sum(noise) * use)
+    sums = pool(np.stack([np.broadcast_to(v * use, use.shape) for v in (1.0, *values)], -1), FINEST)
+    coarser = pool(sums, 2)
+    return {TILE: pool(coarser, 2), 2 * FINEST: coarser, FINEST: sums}
 
 
-def relative_difference(data: ReportData, size: int) -> tuple[Image, Image]:
+def relative_difference(sums: Image) -> tuple[Image, Image]:
     """Return (witness − ours) / ours of block means and its standard error, both by block.
 
     Blocks darker than 5 % of the picture's mean are measured against that, so that the dark does
-    not shout. Pixels are taken as independent, which for blue noise errs on the side of more.
+    not shout.
     """
-    use = data.compared
-    count = np.maximum(pool(use.astype(np.float64), size), 1.0)
-    ours, witness = (data.luminance(side) * use for side in (data.ours, data.witness))
-    floor = FLOOR * ours.sum() / max(use.sum(), 1)
-    mean = pool(ours, size) / count
-    scale = np.maximum(np.maximum(mean, floor), np.finfo(np.float64).tiny)
-    relative = (pool(witness, size) / count - mean) / scale
-    variance = _luminance_variance(data)
-    noise = 0.0 if variance is None else np.sqrt(pool(variance * use, size)) / count / scale
-    return relative, np.hypot(noise, ROUNDING) * np.ones_like(relative)
+    pixels, ours, witness, variance = np.moveaxis(sums, -1, 0)
+    floor = FLOOR * ours.sum() / max(pixels.sum(), 1.0) * pixels
+    scale = np.maximum(np.maximum(ours, floor), np.finfo(np.float64).tiny)
+    return (witness - ours) / scale, np.hypot(np.sqrt(variance) / scale, ROUNDING)
 
 
 def difference(data: ReportData, tolerance: float) -> Difference:
     """Return the map of `data`: every pixel shows the finest block that stands clear of noise."""
     shape = data.ours.shape[0], data.ours.shape[1]
-    shown = np.zeros(shape)
-    for size in POOLS:
-        relative, noise = relative_difference(data, size)
+    shown, levels = np.zeros(shape), block_sums(data)
+    for size, sums in levels.items():
+        relative, noise = relative_difference(sums)
         clear = np.abs(relative) > CLEAR_OF_NOISE * noise
         shown = np.where(spread(clear, size, shape), spread(relative, size, shape), shown)
-    tiles = data.tiles
-    if tiles is None:
-        relative, noise = relative_difference(data, TILE)
-        off = np.abs(relative) - CLEAR_OF_NOISE * noise > TILE_TOLERANCES * tolerance
-        tiles = (np.sign(relative) * off).astype(np.int8)
+    tiles = _tiles_off(levels[TILE], tolerance) if data.tiles is None else data.tiles
     known = data.variance_ours is not None or data.variance_witness is not None
     return Difference(np.where(data.compared, shown, np.nan), tiles, known)
+
+
+def _tiles_off(sums: Image, tolerance: float) -> NDArray[np.int8]:
+    """Return which tiles are beyond their tolerance by more than noise, with their sign."""
+    relative, noise = relative_difference(sums)
+    off = np.abs(relative) - CLEAR_OF_NOISE * noise > TILE_TOLERANCES * tolerance
+    return (np.sign(relative) * off).astype(np.int8)
 
 
 def outline(mask: NDArray[np.bool_], shape: tuple[int, int]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,13 +67,31 @@ def _totals(data: ReportData) -> dict[str, float]:
     return {"ours": ours, "witness": witness, "excess": excess}
 
 
-def _groups(lights: list[dict[str, Any]]) -> Mapping[object, list[str]]:
-    """Return the names of lights that could not be told apart, by group."""
-    members: dict[object, list[str]] = {}
-    for light in lights:
-        if light.get("group") is not None:
-            members.setdefault(str(light["group"]), []).append(light["name"])
-    return {group: names for group, names in members.items() if len(names) > 1}
+def _rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the lights as the table shows them, what matters first.
+
+    Added to each: ``cause``, the message behind its diagnosis, and ``others``, the lights that it
+    cannot be told apart from. Undecided ones that are too faint to be judged are called that.
+    """
+    messages = {
+        (finding["code"], light): finding["message"]
+        for finding in document["findings"]
+        for light in {finding["object"], *finding["object"].split(", ")}
+    }
+    rows: list[dict[str, Any]] = []
+    for light in document["lights"]:
+        group, faint = light["group"], (light["energy_fraction"] or 0.0) < wording.FAINT
+        alike = [x["name"] for x in document["lights"] if group is not None and x["group"] == group]
+        verdict = "faint" if faint and light["verdict"] == "undecided" else light["verdict"]
+        rows.append(
+            light
+            | {
+                "verdict": verdict,
+                "cause": messages.get((light["diagnosis"], light["name"])),
+                "others": [other for other in alike if other != light["name"]],
+            }
+        )
+    return wording.by_importance(rows)
 
 
 def _outlines(data: ReportData, result: Difference) -> dict[str, str]:
@@ -127,20 +146,23 @@ def render_report(data: ReportData) -> str:
     document = data.document
     tolerance = document["settings"]["tolerance"]
     pictures = _pictures(data, tolerance)
+    lights = _rows(document)
     tiles_off = pictures["brighter"] + pictures["darker"]
     return _template().render(
         d=document,
         witness=data.witness_name,
         css=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
         headline=wording.headline(document, data.witness_name, tiles_off),
+        next_step=wording.next_step(document, lights),
         verdicts=wording.VERDICTS,
-        lights=wording.by_importance(document["lights"]),
-        groups=_groups(document["lights"]),
-        axis=_axis(document["lights"], tolerance),
+        lights=lights,
+        count=Counter(light["verdict"] for light in lights),
+        axis=_axis(lights, tolerance),
         whisker=WHISKER,
         totals=_totals(data),
         pictures=pictures,
         size=(data.ours.shape[1], data.ours.shape[0]),
+        metrics=[wording.metric(k, v, data.witness_name) for k, v in document["metrics"].items()],
         findings=sorted(document["findings"], key=lambda f: wording.SEVERITIES[f["severity"]]),
         command=wording.command(document),
     )

@@ -23,7 +23,7 @@ COLOURS = "RdBu_r"
 BRADFORD = np.array(  # cone responses from XYZ
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
-HATCH_PERIOD, HATCH_LINE = 10, 2  # [px]
+HATCHES = 80  # lines across the picture
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,8 @@ def difference_picture(data: ReportData, result: Difference, limit: float) -> Pi
     shade = np.nan_to_num(result.relative / limit) * 0.5 + 0.5
     pixels = fit(mpl.colormaps[COLOURS](np.clip(shade, 0.0, 1.0), bytes=True))
     rows, columns = np.indices(pixels.shape[:2])
-    line = (rows + columns) % HATCH_PERIOD < HATCH_LINE
+    period = max(6, pixels.shape[1] // HATCHES)
+    line = (rows + columns) % period < period // 3
     hatch = np.where(line[..., None], np.uint8([70, 70, 70, 255]), np.uint8([205, 205, 205, 255]))
     pixels = np.where(fit(~data.compared)[..., None], hatch, pixels)
     pixels[..., 3] = np.where(fit(data.inside), 255, 0)

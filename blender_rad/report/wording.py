@@ -13,9 +13,38 @@ from markupsafe import Markup
 UNKNOWN = "–"
 HEADLINE_NAME = 48  # characters of a name in the headline
 MISSING, DOUBLE = 0.02, 1.5  # factors from which percent no longer say it best
-ORDER = {"differ": 0, "undecided": 1, "agree": 2}
+ORDER = {"differ": 0, "undecided": 1, "agree": 2, "faint": 3}
 SEVERITIES = {"error": 0, "warning": 1, "info": 2}
-VERDICTS = {"agree": "Agrees", "differ": "Differs", "undecided": "Undecided"}
+VERDICTS = {
+    "agree": "Agrees",
+    "differ": "Differs",
+    "undecided": "Undecided",
+    "faint": "Too faint to judge",
+}
+HALF = 0.5  # of the lit pixels: with less there is no verdict
+FAINT = 0.01  # of the energy: lights below take no part in the verdict
+METRICS = {  # label, ideal, what it says of {witness}
+    "energy_ratio": (
+        "Energy ratio",
+        "1",
+        "Our light in total over that of {}. Above 1, {} is too dark as a whole.",
+    ),
+    "mean_signed_relative_error": (
+        "Mean signed error",
+        "0",
+        "Ours less {}, pixel by pixel, then averaged. Noise cancels, a bias stays.",
+    ),
+    "p95_absolute_relative_error": (
+        "95 % of pixels within",
+        "0",
+        "Only one value in twenty is further off. Noise counts here.",
+    ),
+    "relmse": (
+        "relMSE",
+        "0",
+        "Mean squared error relative to brightness, as papers quote it. Noise counts here.",
+    ),
+}
 
 
 def known(value: float | None) -> bool:
@@ -150,11 +179,39 @@ def _why_undecided(document: Mapping[str, Any], tolerance: str) -> Markup:
     supported = document["coverage"]["supported_pixel_fraction"]
     if not document["pixels"]["compared"]:
         return Markup("Undecided: there is nothing to compare.")
-    if known(supported) and supported < 0.5:  # noqa: PLR2004 - "less than half", as promised
+    if known(supported) and supported < HALF:
         text = "Undecided: only {} of the lit picture could be compared."
         return Markup(text).format(percent(supported))
     text = "Undecided: the noise is still too high to tell within {}."
     return Markup(text).format(tolerance)
+
+
+def next_step(document: Mapping[str, Any], rows: list[dict[str, Any]]) -> Markup | None:
+    """Return what stands behind the verdict, or what would bring one; None where all is well.
+
+    `rows` are the lights with ``cause``, what matters first.
+    """
+    if document["verdict"] == "differ":
+        cause = next((row["cause"] for row in rows if row["cause"]), None)
+        return Markup("Cause: {}").format(visible(cause)) if cause else None
+    supported = document["coverage"]["supported_pixel_fraction"]
+    if document["verdict"] == "agree" or not document["pixels"]["compared"]:
+        return None
+    if known(supported) and supported < HALF:
+        text = "What is in the way stands under “What was left out”. {} checks the lights alone."
+        return Markup(text).format(Markup("<code>--shading clay</code>"))
+    text = "More samples or a wider {} would decide it."
+    return Markup(text).format(Markup("<code>--tolerance</code>"))
+
+
+def metric(key: str, value: float | None, witness: str) -> tuple[str, str, str, str]:
+    """Return a metric's label, its value, its ideal and what it says; plain for unknown ones."""
+    label, ideal, words = METRICS.get(key, (kind(key), UNKNOWN, ""))
+    if key == "mean_signed_relative_error":
+        shown = signed_percent(value)
+    else:
+        shown = percent(value) if key.startswith("p95") else number(value, 5)
+    return label, shown, ideal, words.replace("{}", witness)
 
 
 def command(document: Mapping[str, Any]) -> str:

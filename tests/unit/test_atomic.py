@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
+
 from blender_rad.atomic import atomic_path
 
 
