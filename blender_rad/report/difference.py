@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..film import Image
 from .data import ReportData
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 TILE = 16
 FINEST = 4
@@ -40,12 +43,11 @@ def pool(values: Image, size: int) -> Image:
 
     Blocks at the right and lower edge may be smaller.
     """
-    for axis in (0, 1):
-        values = np.add.reduceat(values, np.arange(0, values.shape[axis], size), axis=axis)
-    return values
+    rows, columns = (np.arange(0, length, size, dtype=np.intp) for length in values.shape[:2])
+    return np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1)
 
 
-def spread(blocks: NDArray[np.generic], size: int, shape: tuple[int, int]) -> Image:
+def spread(blocks: NDArray[Scalar], size: int, shape: tuple[int, int]) -> NDArray[Scalar]:
     """Return `blocks` blown up to pixels, (h, w); the reverse of `pool`."""
     return np.repeat(np.repeat(blocks, size, 0), size, 1)[: shape[0], : shape[1]]
 
@@ -58,11 +60,12 @@ def block_sums(data: ReportData) -> dict[int, Image]:
     σ = Σ wᵢ σᵢ, and pixels as independent, which they are less than (blue noise): both err on the
     side of more noise.
     """
-    use = data.compared
+    use = data.compared.astype(np.float64)
     variances = [v for v in (data.variance_ours, data.variance_witness) if v is not None]
     noise = [data.luminance(np.sqrt(np.maximum(v, 0.0))) ** 2 for v in variances]
-    values = (data.luminance(data.ours), data.luminance(data.witness), sum(noise) * use)
-    sums = pool(np.stack([np.broadcast_to(v * use, use.shape) for v in (1.0, *values)], -1), FINEST)
+    variance = sum(noise, np.zeros_like(use))
+    values = [np.ones_like(use), data.luminance(data.ours), data.luminance(data.witness), variance]
+    sums = pool(np.stack([value * use for value in values], axis=-1), FINEST)
     coarser = pool(sums, 2)
     return {TILE: pool(coarser, 2), 2 * FINEST: coarser, FINEST: sums}
 

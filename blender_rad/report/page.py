@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 TEMPLATES = Path(__file__).parent / "templates"
 COLOUR_STOPS = 13
 AXIS_TOLERANCES = 3.0  # the least that the plot of lights reaches, in tolerances
+SHOWN_LIGHTS = 0.92  # part of the lights that the axis covers: all of up to twelve
 WHISKER = 3.0  # standard errors
 
 
@@ -47,13 +48,14 @@ class Axis:
 
 
 def _axis(lights: list[dict[str, Any]], tolerance: float) -> Axis:
-    """Return the axis that shows most of `lights`, and never less than the tolerance band."""
-    reach = [AXIS_TOLERANCES * tolerance]
+    """Return the axis that shows all but the wildest of many lights, and the tolerance band."""
+    reach = [0.0]
     for light in lights:
         scale, error = light.get("scale_in_witness"), light.get("standard_error") or 0.0
         if scale is not None and wording.known(scale) and wording.known(error):
             reach.append(min(abs(scale - 1) + WHISKER * error, 1.0))
-    return Axis(nice_above(max(reach)))
+    most = float(np.quantile(reach, SHOWN_LIGHTS, method="higher"))
+    return Axis(nice_above(max(most, AXIS_TOLERANCES * tolerance)))
 
 
 def _totals(data: ReportData) -> dict[str, float]:
@@ -124,6 +126,11 @@ def _pictures(data: ReportData, tolerance: float) -> dict[str, Any]:
     }
 
 
+def _shown(value: object) -> object:
+    """Return text from outside with its control characters visible, and all else as it is."""
+    return wording.visible(value) if type(value) is str else value
+
+
 @functools.cache
 def _template() -> jinja2.Template:
     import jinja2
@@ -134,10 +141,12 @@ def _template() -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=lambda value: wording.visible(value) if type(value) is str else value,
+        finalize=_shown,
     )
     words = ("number", "percent", "signed_percent", "name", "kind", "deviation", "known")
-    environment.filters.update({word: getattr(wording, word) for word in words})
+    environment.filters.update(  # pyright: ignore[reportUnknownMemberType] - as jinja2 types it
+        {word: getattr(wording, word) for word in words}
+    )
     return environment.get_template("report.html")
 
 

@@ -23,6 +23,7 @@ COLOURS = "RdBu_r"
 BRADFORD = np.array(  # cone responses from XYZ
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
+HATCH = ((70, 70, 70, 255), (205, 205, 205, 255))  # line and gap, RGBA
 HATCHES = 80  # lines across the picture
 
 
@@ -85,7 +86,7 @@ def srgb(radiance: Image, white: float, matrix: Image) -> NDArray[np.uint8]:
 
 def _encode(pixels: NDArray[np.uint8], kind: str, *, sharp: bool) -> Picture:
     """Return `pixels` (h, w, 3 or 4) as a PNG or JPEG in a data URI."""
-    from matplotlib.image import imsave
+    from matplotlib.image import imsave  # pyright: ignore[reportUnknownVariableType] - PathLike
 
     buffer = io.BytesIO()
     options = {"quality": 90} if kind == "jpeg" else {"optimize": True}
@@ -132,11 +133,11 @@ def difference_picture(data: ReportData, result: Difference, limit: float) -> Pi
         return np.repeat(np.repeat(values[::step, ::step], grow, 0), grow, 1)
 
     shade = np.nan_to_num(result.relative / limit) * 0.5 + 0.5
-    pixels = fit(mpl.colormaps[COLOURS](np.clip(shade, 0.0, 1.0), bytes=True))
-    rows, columns = np.indices(pixels.shape[:2])
+    pixels = fit(np.asarray(mpl.colormaps[COLOURS](np.clip(shade, 0.0, 1.0), bytes=True), np.uint8))
     period = max(6, pixels.shape[1] // HATCHES)
-    line = (rows + columns) % period < period // 3
-    hatch = np.where(line[..., None], np.uint8([70, 70, 70, 255]), np.uint8([205, 205, 205, 255]))
+    rows, columns = (np.arange(length, dtype=np.intp) for length in pixels.shape[:2])
+    in_gap = np.add.outer(rows, columns) % period >= period // 3
+    hatch = np.array(HATCH, np.uint8)[in_gap.astype(np.intp)]
     pixels = np.where(fit(~data.compared)[..., None], hatch, pixels)
     pixels[..., 3] = np.where(fit(data.inside), 255, 0)
     return _encode(pixels, "png", sharp=width < SHARP_WIDTH)

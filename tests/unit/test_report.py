@@ -407,8 +407,10 @@ def test_hostile_names_are_shown_and_harmless() -> None:
     [
         (
             "agree",
-            "Cycles agrees with the physics of this scene within 1\u202f%, "
-            "at 99\u202f% confidence.",
+            (
+                "Cycles agrees with the physics of this scene within 1\u202f%, "
+                "at 99\u202f% confidence."
+            ),
         ),
         (
             "differ",
@@ -487,7 +489,7 @@ def test_faint_lights_are_not_called_undecided() -> None:
 
 def test_groups_name_a_few_and_count_the_rest() -> None:
     text = read(page_of("hostile")).text
-    assert "and 16 more" in text
+    assert "not told apart from 19 others of group 1" in text
     assert "not told apart from Fill" in read(page_of("undecided")).text
 
 
@@ -496,6 +498,18 @@ def test_metrics_that_are_not_known_yet_are_shown() -> None:
     made["metrics"]["flip"] = 0.125
     page = render_report(ReportData(made, **pictures({}, size=(32, 24))))
     assert re.search(r"Flip.*?0\.125", page, re.S)
+
+
+def test_one_wild_light_among_many_does_not_flatten_the_others() -> None:
+    assert "the plot ends at ± 10\u202f%" in read(page_of("hostile")).text
+    assert "the plot ends at ± 25\u202f%" in read(page_of("differ")).text
+
+
+def test_next_step_says_what_to_do() -> None:
+    assert "Cause: area light powers" in read(page_of("differ")).text
+    assert "More samples or a wider --tolerance" in read(page_of("undecided")).text
+    assert "--shading clay checks the lights alone" in read(page_of("half_excluded")).text
+    assert 'class="next"' not in page_of("agree")
 
 
 def test_command_is_the_given_one_or_rebuilt() -> None:
