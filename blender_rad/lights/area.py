@@ -13,9 +13,9 @@ Blender property    unit                    meaning
 `is_portal`                                 a guide for sampling the world, emits nothing
 =================== ======================= ====================================================
 
-Derivation. A Lambertian emitter has Φ = πLA. A spread of half angle h = s/2 dims the radiance like a
-grid of slats, by (tan h - tan θ)/D for θ < h. Its projected solid angle over D is
-2π∫(tan h - tan θ) sin θ cos θ dθ = π(tan h - h), so that D = tan h - h leaves the flux at P. Below
+Derivation. A Lambertian emitter has Φ = πLA. A spread of half angle h = s/2 dims the radiance as
+a grid of slats would, by (tan h - tan θ)/D for θ < h. The flux then is LA/D times
+2π∫(tan h - tan θ) sin θ cos θ dθ = π(tan h - h), so that D = tan h - h leaves it at P. Up to
 h = 0.05 Cycles takes D = h³/3, the first term of its series, and the flux is a little more than P
 (0.1 % at 0.05): the `cycles` model follows, the `physical` model keeps tan h - h. With s = 0 the
 beam is parallel: E = (P/A) cos θ within the outline. Irradiance without spread is Lambert's
@@ -28,8 +28,9 @@ where a spread leaves less than that to be seen, the rectangle around the visibl
 Sheared lights (a parent scaled unevenly, ``area-sheared`` in `notes`) have axes that are not at
 right angles. Cycles then works with A = |x||y|, with -Z as the emitter's normal, and with the
 formulas of a rectangle for axes that do not form one, so that its light depends on how it is
-sampled. The `cycles` model follows its light sampling exactly, which for Lambert surfaces differs by
-up to 0.2 % from what it mixes with multiple importance sampling; there is no closed form for it.
+sampled. The `cycles` model follows its light sampling (exactly where there is no spread), which on
+Lambert surfaces differs by up to 0.2 % from what it mixes with multiple importance sampling; there
+is no closed form for it, and `intersect` is the other half of that mixture.
 The `physical` model takes the true parallelogram or ellipse with its true normal and area.
 """
 
@@ -180,7 +181,7 @@ class AreaLight(Light):
         return s[:, None] * self.axis_u + t[:, None] * self.axis_v
 
     def _sample_seen(self, offset: Array, height: Array, u: Array) -> tuple[Array, Array]:
-        """Return positions (n, 3) seen from the points, uniform in solid angle, and that angle (n,).
+        """Return positions (n, 3) seen from the points, uniform in solid angle, and this (n,).
 
         They cover the rectangle of the axes, less what the spread hides: the square about the foot
         of the point with half side height · tan h. The angle is nan where the area is to be

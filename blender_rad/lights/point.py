@@ -13,8 +13,8 @@ Blender property    unit                    meaning
 `use_soft_falloff`  off                     a sphere of radius r
 =================== ======================= ====================================================
 
-Derivation. A sphere of radiance L emits Φ = π L · 4πr², so L = Φ/(4π²r²), and I = Φ/4π. The disc has
-the radiance of that sphere; it spans a cone of sin²a = r²/(d²+r²), the sphere one of r²/d². Either
+Derivation. A sphere of radiance L emits Φ = πL · 4πr², so L = Φ/(4π²r²), and I = Φ/4π. The disc
+has the radiance of that sphere; it spans a cone of sin²a = r²/(d²+r²), the sphere one of r²/d². Either
 is a cone of uniform radiance, whose irradiance `cap_irradiance` gives with its horizon:
 E = Φ cos θ/(4π(d²+r²)) and Φ cos θ/(4πd²) where nothing is cut. Inside the sphere E = πL; the disc
 knows no inside. Measured in Blender 4.5 and 5.2. An object scale of zero does not darken a point.
