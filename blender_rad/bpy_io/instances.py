@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The depsgraph's object instances as meshes, instances and lights."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..lights import Light, Model
+from ..lights._base import light_from_record
+from ..scene import Instance, Material, Mesh, Unsupported
+from .arrays import floats, matrix
+from .lights import light_feature, light_record, linked
+from .materials import Shading, Surface, clay, full, surface_of
+from .meshes import box_mesh, read_mesh
+
+_PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
+_RAYS = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+
+
+@dataclass(frozen=True)
+class _Facts:
+    """What holds for an object under one instancer.
+
+    Attributes
+    ----------
+    features : what the object does that cannot be evaluated.
+    transparent : whether shadow rays may pass it for that reason.
+    """
+
+    name: str
+    visible: dict[str, bool]
+    features: tuple[str, ...]
+    transparent: bool
+    linked: bool
+    modified: bool
+
+
+@dataclass
+class Reader:
+    """Collects meshes, materials, instances and lights from a render depsgraph."""
+
+    depsgraph: Any
+    shading: Shading
+    model: Model
+    unit_scale_m: float
+    meshes: list[Mesh] = field(default_factory=list)
+    materials: list[Material] = field(default_factory=list)
+    instances: list[Instance] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
+    unknown_lights: list[tuple[str, NDArray[np.float64] | None]] = field(default_factory=list)
+    unsupported: list[Unsupported] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._scene = self.depsgraph.scene
+        self._layer = self.depsgraph.view_layer
+        self._twins = {
+            name for name, n in Counter(o.name for o in bpy.data.objects).items() if n > 1
+        }
+        self._mesh_index: dict[Any, int | None] = {}
+        self._material_index: dict[Any, int] = {}
+        self._surfaces: dict[int, Surface] = {}
+        self._facts_of: dict[Any, _Facts] = {}
+        self._apart: set[int] = set()  # meshes whose normals Cycles leaves in object space
+
+    def read(self) -> None:
+        """Go through all instances of the depsgraph."""
+        for item in self.depsgraph.object_instances:
+            self._read_instance(item)
+        users = Counter(i.mesh for i in self.instances)
+        self.instances = [
+            replace(i, normals_in_world=users[i.mesh] == 1 and i.mesh not in self._apart)
+            for i in self.instances
+        ]
+        self.findings = list(dict.fromkeys(self.findings))
+        self.unsupported = list(dict.fromkeys(self.unsupported))
+
+    def _read_instance(self, item: Any) -> None:
+        shown, real = item.object, item.instance_object if item.is_instance else item.object
+        data = shown.data
+        if not isinstance(data, bpy.types.Mesh | bpy.types.Light) and shown.type not in _PROXIES:
+            return
+        facts = self._facts(shown, real, item.parent if item.is_instance else shown)
+        if not any(facts.visible.values()):
+            return
+        world = matrix(item.matrix_world)
+        if not np.isfinite(world).all():
+            self._left_out(facts.name, "its position is not finite")
+        elif isinstance(data, bpy.types.Light):
+            if item.show_self:
+                self._read_light(shown, facts, world)
+        else:
+            self._read_geometry(item, shown, real, facts, world)
+
+    def _read_geometry(
+        self, item: Any, shown: Any, real: Any, facts: _Facts, world: NDArray[np.float64]
+    ) -> None:
+        if item.show_self and shown.type in _PROXIES:
+            self._add_proxy(shown, facts, world, _PROXIES[shown.type], *_bounds(shown))
+        elif item.show_self:
+            self._add_mesh(shown, real, facts, world)
+        hair = _hair_bounds(shown) if item.show_particles else None
+        if hair is not None:
+            self._add_proxy(shown, facts, world, "Particle hair", *hair)
+
+    def _facts(self, shown: Any, real: Any, parent: Any) -> _Facts:
+        key = (real.as_pointer(), parent.as_pointer())
+        if key not in self._facts_of:
+            self._facts_of[key] = self._new_facts(shown, real, parent)
+        return self._facts_of[key]
+
+    def _new_facts(self, shown: Any, real: Any, parent: Any) -> _Facts:
+        original = real.original
+        held = parent.original.holdout_get(view_layer=self._layer_original)
+        both = (shown, parent)
+        visible = {ray: all(getattr(o, f"visible_{ray}") for o in both) for ray in _RAYS}
+        if not held and parent.original.indirect_only_get(view_layer=self._layer_original):
+            visible["camera"] = False
+        features = ["Holdout"] * bool(held)
+        features += ["Shadow catcher"] * any(o.is_shadow_catcher for o in both)
+        adaptive = _adaptive(shown, self._scene)
+        features += ["Adaptive subdivision"] * adaptive
+        features += ["Render-time culling"] * _culled(shown, self._scene)
+        return _Facts(
+            name=self._name(original),
+            visible=visible,
+            features=tuple(features),
+            transparent=adaptive or "Render-time culling" in features,
+            linked=any(linked(o) for o in both),
+            modified=real.type == "META"
+            or real.is_modified(self._scene, "RENDER")
+            or any(slot.link == "OBJECT" for slot in real.material_slots),
+        )
+
+    @property
+    def _layer_original(self) -> Any:
+        return self._scene.original.view_layers[self._layer.name]
+
+    def _name(self, original: Any) -> str:
+        """Return the object's name, its library first where two objects share it."""
+        library = original.library
+        twin = library and original.name in self._twins
+        return f"{library.name}/{original.name}" if twin else original.name
+
+    def _add_mesh(self, shown: Any, real: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
+        """Add an instance of a mesh; one mesh for every geometry that Cycles keeps apart."""
+        own = shown.data == real.data
+        key = real.as_pointer() if own and facts.modified else shown.data.as_pointer()
+        if key not in self._mesh_index:
+            self._mesh_index[key] = self._new_mesh(shown.data, facts)
+        index = self._mesh_index[key]
+        if index is None:
+            return
+        surfaces = self._slot_surfaces(shown, int(self.meshes[index].slots.max()) + 1)
+        if self.shading == "full" and any(s.subsurface or s.displaced for s in surfaces):
+            self._apart.add(index)
+        if "Adaptive subdivision" in facts.features:
+            self._apart.add(index)
+        self._add_instance(shown, facts, world, index, surfaces)
+
+    def _new_mesh(self, bl_mesh: Any, facts: _Facts) -> int | None:
+        mesh, left_out = read_mesh(bl_mesh)
+        if left_out:
+            self._left_out(facts.name, f"{left_out} of its triangles are not finite")
+        if not len(mesh.triangles):
+            return None
+        self.meshes.append(mesh)
+        return len(self.meshes) - 1
+
+    def _slot_surfaces(self, shown: Any, slots: int) -> list[Surface]:
+        """Return a surface for each slot that the mesh uses; slots beyond the last take it."""
+        override = self._layer.material_override
+        blocks = [override or slot.material for slot in shown.material_slots] or [override]
+        found = [self._surface(block) for block in blocks]
+        return found[:slots] + found[-1:] * (slots - len(found))
+
+    def _surface(self, block: Any | None) -> Surface:
+        key = block.as_pointer() if block else 0
+        if key not in self._surfaces:
+            surface = surface_of(block)
+            self._surfaces[key] = surface
+            if self.shading == "clay" and surface.transmits:
+                message = "lets light pass; as clay it is opaque"
+                self.findings.append(Finding("clay-opaque", "warning", surface.name, message))
+        return self._surfaces[key]
+
+    def _add_instance(
+        self,
+        shown: Any,
+        facts: _Facts,
+        world: NDArray[np.float64],
+        mesh: int,
+        surfaces: list[Surface],
+        proxy: bool = False,
+    ) -> None:
+        self.instances.append(
+            Instance(
+                name=facts.name,
+                mesh=mesh,
+                world_from_object=world,
+                materials=tuple(self._material(s, facts, proxy) for s in surfaces),
+                visible_camera=facts.visible["camera"],
+                visible_shadow=facts.visible["shadow"],
+                visible_diffuse=facts.visible["diffuse"],
+                terminator_geometry_offset=shown.shadow_terminator_geometry_offset,
+                terminator_shading_offset=shown.shadow_terminator_shading_offset,
+                proxy=proxy,
+            )
+        )
+
+    def _material(self, surface: Surface, facts: _Facts, proxy: bool) -> int:
+        """Return the index of the surface's material, as it is on this object."""
+        material = clay(surface) if self.shading == "clay" else full(surface)
+        records = tuple(Unsupported("object", facts.name, f) for f in facts.features)
+        self.unsupported.extend(records)
+        key = (surface.name, surface, records, proxy, facts.linked and facts.name)
+        if key not in self._material_index:
+            self._material_index[key] = len(self.materials)
+            self.materials.append(self._on_object(material, facts, records, proxy))
+        return self._material_index[key]
+
+    def _on_object(
+        self, material: Material, facts: _Facts, records: tuple[Unsupported, ...], proxy: bool
+    ) -> Material:
+        emits = material.emits or not material.emission_known
+        unknown = emits and (proxy or facts.linked)
+        if unknown and facts.linked:
+            records += (Unsupported("light", facts.name, "Light linking"),)
+        return replace(
+            material,
+            emission=(0.0, 0.0, 0.0) if unknown else material.emission,
+            emission_known=material.emission_known and not unknown,
+            opaque=material.opaque and not proxy and not facts.transparent,
+            unsupported=material.unsupported + records,
+        )
+
+    def _add_proxy(
+        self,
+        shown: Any,
+        facts: _Facts,
+        world: NDArray[np.float64],
+        feature: str,
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+    ) -> None:
+        """Add the bounding box of something that cannot be read."""
+        self.meshes.append(box_mesh(f"{facts.name} ({feature})", low, high))
+        facts = replace(facts, features=(*facts.features, feature), transparent=True)
+        surface = self._surface(next((s.material for s in shown.material_slots), None))
+        self._add_instance(shown, facts, world, len(self.meshes) - 1, [surface], proxy=True)
+
+    def _read_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
+        if shown.data.cycles.is_portal and shown.data.type == "AREA":
+            return  # a portal guides the world's light and gives none
+        feature = light_feature(shown) or ("Light linking" if facts.linked else None)
+        if not facts.visible["diffuse"] and facts.visible["camera"]:
+            feature = feature or "Seen by the camera only"
+        if feature:
+            self.unsupported.append(Unsupported("light", facts.name, feature))
+            position = None if shown.data.type == "SUN" else world[:3, 3]
+            self.unknown_lights.append((facts.name, position))
+        elif facts.visible["diffuse"]:
+            self._add_light(shown, facts, world)
+        else:
+            message = "does not light diffuse surfaces (ray visibility)"
+            self.findings.append(Finding("hidden-light", "warning", facts.name, message))
+
+    def _add_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
+        version = tuple(bpy.app.version)
+        camera = facts.visible["camera"]
+        record = light_record(shown, facts.name, world, self.unit_scale_m, version, camera)
+        numbers = [v for v in record.properties.values() if isinstance(v, float)]
+        if not np.isfinite(numbers).all():
+            self._left_out(facts.name, "its energy or size is not finite")
+            return
+        light = light_from_record(record, self.model)
+        if light is not None:
+            self.lights.append(light)
+
+    def _left_out(self, name: str, why: str) -> None:
+        self.findings.append(Finding("not-finite", "warning", name, f"left out: {why}"))
+
+
+def _adaptive(shown: Any, scene: Any) -> bool:
+    """Return whether Cycles dices the object itself, so that its triangles are not these."""
+    subdivision = next((m for m in reversed(shown.modifiers) if m.show_render), None)
+    if subdivision is None or subdivision.type != "SUBSURF":
+        return False
+    if hasattr(subdivision, "use_adaptive_subdivision"):
+        return bool(subdivision.use_adaptive_subdivision)
+    experimental = scene.cycles.feature_set == "EXPERIMENTAL"
+    return experimental and bool(shown.cycles.use_adaptive_subdivision)
+
+
+def _culled(shown: Any, scene: Any) -> bool:
+    """Return whether Cycles may leave the object out by its place in the view."""
+    if not scene.render.use_simplify:
+        return False
+    by_camera = scene.cycles.use_camera_cull and shown.cycles.use_camera_cull
+    return bool(by_camera or (scene.cycles.use_distance_cull and shown.cycles.use_distance_cull))
+
+
+def _bounds(shown: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    corners = np.array([tuple(corner) for corner in shown.bound_box], dtype=np.float64)
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def _hair_bounds(shown: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return a box around the object's particle hair with its children, None without hair."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for system in shown.particle_systems:
+        settings = system.settings
+        if settings.type != "HAIR" or settings.render_type != "PATH":
+            continue
+        keys = [floats(particle.hair_keys, "co", 3) for particle in system.particles]
+        points = np.concatenate([np.zeros((0, 3), np.float32), *keys])
+        if len(points):
+            margin = settings.child_radius + settings.kink_amplitude + settings.hair_length / 2
+            low = np.minimum(low, points.min(axis=0) - margin)
+            high = np.maximum(high, points.max(axis=0) + margin)
+    return (low, high) if np.isfinite(low).all() else None

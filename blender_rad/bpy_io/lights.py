@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light objects: their properties as they are, and what their node tree multiplies."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ..lights._base import LightRecord
+from . import nodes
+
+_COPIED = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
+_NODES = "node_emission"
+
+
+def light_record(
+    bl_object: Any,
+    name: str,
+    world_from_light: NDArray[Any],
+    unit_scale_m: float,
+    version: tuple[int, int, int],
+    visible_camera: bool,
+) -> LightRecord:
+    """Return the record of an evaluated light object.
+
+    Every scalar, enum and vector property of the light is copied by Blender's name, those of
+    Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,).
+    """
+    light = bl_object.data
+    properties = _properties(light)
+    properties |= {f"cycles.{key}": value for key, value in _properties(light.cycles).items()}
+    if nodes.uses_nodes(light):
+        properties[_NODES] = nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})[0]
+    return LightRecord(
+        name=name,
+        bl_type=light.type,
+        properties=properties,
+        world_from_light=world_from_light,
+        unit_scale_m=unit_scale_m,
+        blender_version=version,
+        visible_camera=visible_camera,
+    )
+
+
+def light_feature(bl_object: Any) -> str | None:
+    """Return what of a light object cannot be evaluated, None when it is plain."""
+    light = bl_object.data
+    if linked(bl_object):
+        return "Light linking"
+    if nodes.uses_nodes(light):
+        return nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})[1]
+    return None
+
+
+def linked(bl_object: Any) -> bool:
+    """Return whether the object lights, or is shadowed by, chosen objects only."""
+    linking = bl_object.light_linking
+    return bool(linking and (linking.receiver_collection or linking.blocker_collection))
+
+
+def _properties(block: Any) -> dict[str, Any]:
+    """Return the plain properties of a data block by name; vectors as tuples."""
+    found: dict[str, Any] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        for prop in block.bl_rna.properties:
+            if prop.type in _COPIED:
+                value = getattr(block, prop.identifier)
+                vector = getattr(prop, "array_length", 0) > 0
+                found[prop.identifier] = tuple(value) if vector else value
+    return found

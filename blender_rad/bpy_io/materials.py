@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials: the closures that reach the surface output, in full or as clay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import bpy
+
+from ..scene import CLAY_ALBEDO, Material, Unsupported
+from . import nodes
+from .nodes import BLACK, Leaf, Triple
+
+Shading = Literal["full", "clay"]
+
+DEFAULT_NAME = "(no material)"
+DEFAULT_ALBEDO = 0.8  # Cycles' surface for empty slots, up to Blender 4.5
+
+_ALWAYS_PASS = {"ShaderNodeBsdfTransparent", "ShaderNodeBsdfRayPortal", "ShaderNodeScript"}
+_GLASS = {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"}
+_PRINCIPLED = "ShaderNodeBsdfPrincipled"
+_CLOSURE_CUTOFF = 1e-5  # alphas this near to 1 count as 1 in Cycles
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What reaches a material's output, before it is decided how it is to be shaded.
+
+    Attributes
+    ----------
+    name : of the material.
+    albedo : (3,) of the constant Lambert parts.
+    emission : (3,) constant radiance [W/(m² sr)].
+    reflects : whether any closure does something else than emit.
+    unknown_emission : what emits in a way that is not constant; empty when nothing does.
+    unknown_volume_emission : the same for the volume.
+    features : closures and settings that are not Lambert.
+    passes_shadow : whether shadow rays may pass it.
+    transmits : whether light may pass it, in whatever way: what clay closes.
+    subsurface, displaced : whether Cycles leaves the normals in object space for it.
+    """
+
+    name: str
+    albedo: Triple = BLACK
+    emission: Triple = BLACK
+    reflects: bool = False
+    unknown_emission: str = ""
+    unknown_volume_emission: str = ""
+    features: tuple[str, ...] = ()
+    passes_shadow: bool = False
+    transmits: bool = False
+    subsurface: bool = False
+    displaced: bool = False
+
+    @property
+    def may_emit(self) -> bool:
+        """Whether its surface emits, as far as is known."""
+        return self.emission != BLACK or bool(self.unknown_emission)
+
+
+def read_material(bl_material: Any | None, shading: Shading) -> Material:
+    """Return the material as the estimator sees it; None is an empty slot."""
+    surface = surface_of(bl_material)
+    return clay(surface) if shading == "clay" else full(surface)
+
+
+def full(surface: Surface) -> Material:
+    """Return the material with what it does; what is not Lambert or constant is unsupported."""
+    emission = surface.unknown_emission or surface.unknown_volume_emission
+    features = dict.fromkeys((*surface.features, *filter(None, [emission])))
+    return Material(
+        name=surface.name,
+        albedo=surface.albedo,
+        emission=surface.emission,
+        opaque=not surface.passes_shadow,
+        emission_known=not emission,
+        unsupported=tuple(Unsupported("material", surface.name, f) for f in features),
+    )
+
+
+def clay(surface: Surface) -> Material:
+    """Return the material as clay: Lambert 0.8 and opaque, with its emission kept.
+
+    Only what purely emits does not reflect. Bump, displacement and volume are gone.
+    """
+    reflects = surface.reflects or not surface.may_emit
+    unknown = surface.unknown_emission
+    return Material(
+        name=surface.name,
+        albedo=(CLAY_ALBEDO,) * 3 if reflects else BLACK,
+        emission=surface.emission,
+        emission_known=not unknown,
+        unsupported=(Unsupported("material", surface.name, unknown),) if unknown else (),
+    )
+
+
+def surface_of(bl_material: Any | None) -> Surface:
+    """Return what reaches the output of a material that Cycles would use."""
+    if bl_material is None:
+        return _empty_slot()
+    if not nodes.uses_nodes(bl_material):
+        r, g, b, _ = bl_material.diffuse_color
+        return Surface(bl_material.name, albedo=(r, g, b), reflects=True)
+    output = bl_material.node_tree.get_output_node("CYCLES")
+    if output is None:
+        return Surface(bl_material.name)
+    return _from_output(bl_material, output)
+
+
+def _empty_slot() -> Surface:
+    if bpy.app.version >= (5, 0):
+        return Surface(DEFAULT_NAME, reflects=True, features=("Principled BSDF (default)",))
+    return Surface(DEFAULT_NAME, albedo=(DEFAULT_ALBEDO,) * 3, reflects=True)
+
+
+def _from_output(bl_material: Any, output: Any) -> Surface:
+    closures = list(nodes.leaves(output.inputs["Surface"]))
+    volume = list(nodes.leaves(output.inputs["Volume"]))
+    bumped = nodes.source(output.inputs["Displacement"]).output is not None
+    displaced = bumped and bl_material.displacement_method != "BUMP"
+    lambert = [_lambert(leaf) for leaf in closures]
+    glowing = [(leaf, _emission(leaf)) for leaf in closures]
+    unknown = [nodes.feature(leaf) for leaf, rgb in glowing if rgb is None]
+    features = [
+        nodes.feature(leaf)
+        for leaf, rgb in zip(closures, lambert, strict=True)
+        if rgb is None and leaf.node.bl_idname != "ShaderNodeEmission"
+    ]
+    features += ["Volume"] * bool(volume)
+    features += ["Displacement" if displaced else "Bump from displacement"] * bumped
+    passes = any(_passes_shadow(leaf) for leaf in closures)
+    return Surface(
+        name=bl_material.name,
+        albedo=nodes.total(rgb for rgb in lambert if rgb is not None),
+        emission=nodes.total(rgb for _, rgb in glowing if rgb is not None),
+        reflects=any(leaf.node.bl_idname != "ShaderNodeEmission" for leaf in closures),
+        unknown_emission=f"Emission of {unknown[0]}, not constant" if unknown else "",
+        unknown_volume_emission="Volume emission" if any(map(_volume_emits, volume)) else "",
+        features=tuple(features),
+        passes_shadow=(passes and bl_material.use_transparent_shadow) or bool(volume) or displaced,
+        transmits=passes or bool(volume) or any(_is_glass(leaf) for leaf in closures),
+        subsurface=any(_subsurface(leaf) for leaf in closures),
+        displaced=displaced,
+    )
+
+
+def _lambert(leaf: Leaf) -> Triple | None:
+    """Return the albedo of a plain constant Diffuse BSDF, None for any other closure."""
+    if leaf.node.bl_idname != "ShaderNodeBsdfDiffuse" or leaf.weight is None:
+        return None
+    rgb = nodes.colour(leaf.node.inputs["Color"], leaf.groups)
+    rough = nodes.input_number(leaf, "Roughness")
+    tilted = nodes.source(leaf.node.inputs["Normal"], leaf.groups).output is not None
+    if rgb is None or rough != 0.0 or tilted:
+        return None
+    return (leaf.weight * rgb[0], leaf.weight * rgb[1], leaf.weight * rgb[2])
+
+
+def _emission(leaf: Leaf) -> Triple | None:
+    """Return the radiance that a closure emits, None when it may emit and is not constant."""
+    kind = leaf.node.bl_idname
+    if kind == "ShaderNodeEmission":
+        return nodes.leaf_emission(leaf)
+    if kind == "ShaderNodeScript":
+        return None
+    if kind != _PRINCIPLED:
+        return BLACK
+    rgb = nodes.leaf_emission(leaf, "Emission Strength", "Emission Color")
+    layers = [nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")]
+    alpha = nodes.input_number(leaf, "Alpha", 1.0)
+    if rgb is None or rgb == BLACK or (layers == [0.0, 0.0] and alpha == 1.0):
+        return rgb
+    return None
+
+
+def _passes_shadow(leaf: Leaf) -> bool:
+    """Return whether Cycles may let shadow rays through the closure."""
+    if leaf.node.bl_idname != _PRINCIPLED:
+        return leaf.node.bl_idname in _ALWAYS_PASS
+    alpha = nodes.input_number(leaf, "Alpha", 1.0)
+    thin = nodes.input_number(leaf, "Thin Wall") != 0.0 and _is_glass(leaf)
+    return alpha is None or alpha < 1.0 - _CLOSURE_CUTOFF or thin
+
+
+def _is_glass(leaf: Leaf) -> bool:
+    if leaf.node.bl_idname == _PRINCIPLED:
+        return nodes.input_number(leaf, "Transmission Weight") != 0.0
+    return leaf.node.bl_idname in _GLASS
+
+
+def _subsurface(leaf: Leaf) -> bool:
+    if leaf.node.bl_idname == _PRINCIPLED:
+        return nodes.input_number(leaf, "Subsurface Weight") != 0.0
+    return leaf.node.bl_idname == "ShaderNodeSubsurfaceScattering"
+
+
+def _volume_emits(leaf: Leaf) -> bool:
+    if leaf.node.bl_idname == "ShaderNodeVolumePrincipled":
+        glow = [nodes.input_number(leaf, n) for n in ("Emission Strength", "Blackbody Intensity")]
+        return glow != [0.0, 0.0]
+    return leaf.node.bl_idname in {"ShaderNodeEmission", "ShaderNodeScript"}

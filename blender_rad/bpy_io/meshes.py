@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes: triangles, shading normals and UV maps as Cycles takes them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene import Mesh
+from .arrays import booleans, floats, integers
+
+_BOX_CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+_BOX_QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+
+def read_mesh(bl_mesh: Any) -> tuple[Mesh, int]:
+    """Return the triangles of an evaluated mesh, and how many that are not finite were left out.
+
+    Model: which normals count is Cycles' choice. A mesh with custom normals or a sharp edge has
+    normals by corner, any other by vertex; sharp faces are flat. Sharp faces alone do not divide
+    the normals of their smooth neighbours, unlike in Blender's own drawing.
+    """
+    bl_mesh.calc_loop_triangles()
+    corners = integers(bl_mesh.loop_triangles, "loops", 3)
+    faces = integers(bl_mesh.loop_triangle_polygons, "value")
+    vertices = floats(bl_mesh.vertices, "co", 3)
+    triangles = integers(bl_mesh.loops, "vertex_index")[corners]
+    finite = np.isfinite(vertices).all(axis=1)
+    keep = finite[triangles].all(axis=1)
+    if not keep.all():
+        vertices = np.where(finite[:, None], vertices, np.float32(0))
+    triangles, corners, faces = triangles[keep], corners[keep], faces[keep]
+    smooth = _smooth(bl_mesh)[faces]
+    slots = _face_values(bl_mesh, "material_index", np.int32)
+    mesh = Mesh(
+        name=bl_mesh.name,
+        vertices=vertices,
+        triangles=triangles,
+        normals=_normals(bl_mesh, vertices, triangles, corners, smooth),
+        smooth=smooth,
+        slots=np.zeros(len(faces), np.int32) if slots is None else np.maximum(slots[faces], 0),
+        uvs={layer.name: floats(layer.uv, "vector", 2)[corners] for layer in bl_mesh.uv_layers},
+    )
+    return mesh, int(np.count_nonzero(~keep))
+
+
+def box_mesh(name: str, low: NDArray[np.float64], high: NDArray[np.float64]) -> Mesh:
+    """Return the box between two corners, (3,) each, as a flat mesh of 12 triangles."""
+    vertices = (low + _BOX_CORNERS * (high - low)).astype(np.float32)
+    quads = np.array(_BOX_QUADS, dtype=np.int32)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    count = len(triangles)
+    return Mesh(name, vertices, triangles, None, np.zeros(count, bool), np.zeros(count, np.int32))
+
+
+def _face_values(bl_mesh: Any, name: str, dtype: type) -> NDArray[Any] | None:
+    """Return an attribute of the faces, None where the mesh does not have it."""
+    attribute = bl_mesh.attributes.get(name)
+    if attribute is None or attribute.domain != "FACE":
+        return None
+    read = booleans if dtype is np.bool_ else integers
+    return read(attribute.data, "value")
+
+
+def _smooth(bl_mesh: Any) -> NDArray[np.bool_]:
+    """Return whether each face is shaded smooth, (faces,)."""
+    sharp = _face_values(bl_mesh, "sharp_face", np.bool_)
+    if sharp is not None:
+        return ~sharp
+    return np.full(len(bl_mesh.polygons), bl_mesh.normals_domain != "FACE")
+
+
+def _by_corner(bl_mesh: Any) -> bool:
+    """Return whether Cycles takes normals by corner: custom ones, or edges that divide them."""
+    if bl_mesh.has_custom_normals:
+        return True
+    edges = bl_mesh.attributes.get("sharp_edge")
+    sharp = edges is not None and bool(booleans(edges.data, "value").any())
+    return sharp and bl_mesh.normals_domain == "CORNER"
+
+
+def _normals(
+    bl_mesh: Any,
+    vertices: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    corners: NDArray[np.int32],
+    smooth: NDArray[np.bool_],
+) -> NDArray[np.float32] | None:
+    """Return unit normals by triangle corner, (m, 3, 3), None when every triangle is flat."""
+    if not smooth.any():
+        return None
+    if _by_corner(bl_mesh):
+        normals = floats(bl_mesh.corner_normals, "vector", 3)[corners]
+    else:
+        normals = floats(bl_mesh.vertex_normals, "vector", 3)[triangles]
+    flat = ~smooth
+    if flat.any():
+        a, b, c = np.moveaxis(vertices[triangles[flat]].astype(np.float64), 1, 0)
+        across = np.cross(b - a, c - a)
+        length = np.linalg.norm(across, axis=1, keepdims=True)
+        normals[flat] = (across / np.where(length > 0, length, 1.0))[:, None, :]
+    return normals

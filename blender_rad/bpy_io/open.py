@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Opening scene files without running what is in them, and what is wrong with them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..errors import Finding, RadError, unknown_name
+from .quiet import quiet_stdout
+
+GLTF = {".glb", ".gltf"}
+FRAMES = (-1048574, 1048574)  # Blender's own range
+SOURCE_KEY = "source_file"  # on imported scenes, which have no .blend
+
+
+def open_scene(
+    path: str | os.PathLike[str],
+    *,
+    frame: int | None = None,
+    camera: str | None = None,
+    scene: str | None = None,
+    view_layer: str | None = None,
+    need_camera: bool = False,
+) -> Any:
+    """Open a .blend, or import a .glb or .gltf into an empty file, and return its scene.
+
+    Scripts in the file do not run. The view layer chosen becomes the only one that renders.
+
+    Parameters
+    ----------
+    path : the file.
+    frame : frame to go to; None keeps the file's.
+    camera, scene, view_layer : names; None keeps the file's choice.
+    need_camera : whether a scene without an active camera is an error.
+
+    Returns
+    -------
+    bpy.types.Scene
+
+    Raises
+    ------
+    RadError
+        For a file that is missing or not a scene, an unknown name, a frame out of range.
+    """
+    file = Path(path)
+    if not file.is_file():
+        what = "a folder" if file.is_dir() else "no such file"
+        raise RadError(what, str(file), "expected a .blend, .glb or .gltf file")
+    if frame is not None and not FRAMES[0] <= frame <= FRAMES[1]:
+        raise RadError(
+            f"frame {frame} out of range", str(file), "expected {} to {}".format(*FRAMES)
+        )
+    _load(file)
+    bl_scene = _choose("scene", scene, bpy.data.scenes, str(file)) or bpy.context.scene
+    _choose_view_layer(bl_scene, view_layer, str(file))
+    _choose_camera(bl_scene, camera, str(file))
+    if frame is not None:
+        with quiet_stdout():
+            bl_scene.frame_set(frame)
+    if need_camera and bl_scene.camera is None:
+        cameras = sorted(o.name for o in bl_scene.objects if o.type == "CAMERA")
+        known = f"name one of: {', '.join(cameras)}" if cameras else "add a camera to it"
+        raise RadError("no active camera", f"scene {bl_scene.name!r} of {file}", known)
+    return bl_scene
+
+
+def _load(file: Path) -> None:
+    """Load `file` into this Blender; Blender's own message becomes the error."""
+    imported = file.suffix.lower() in GLTF
+    try:
+        with quiet_stdout(errors=True):
+            if imported:
+                bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+                bpy.ops.import_scene.gltf(filepath=str(file.resolve()))
+            else:
+                bpy.ops.wm.open_mainfile(
+                    filepath=str(file.resolve()), load_ui=False, use_scripts=False
+                )
+    except RuntimeError as error:
+        kind = "a glTF 2.0 file" if imported else "a .blend file that Blender can read"
+        said = " ".join(str(error).split()).removeprefix("Error: ")
+        raise RadError("cannot read the file", str(file), f"expected {kind} ({said})") from error
+    if imported:
+        bpy.context.scene[SOURCE_KEY] = str(file)
+
+
+def _choose(kind: str, name: str | None, known: Any, where: str) -> Any | None:
+    if name is None:
+        return None
+    if name not in known:
+        raise unknown_name(kind, name, where, [item.name for item in known])
+    return known[name]
+
+
+def _choose_view_layer(bl_scene: Any, name: str | None, where: str) -> None:
+    if _choose("view layer", name, bl_scene.view_layers, where) is not None:
+        for layer in bl_scene.view_layers:
+            layer.use = layer.name == name
+
+
+def _choose_camera(bl_scene: Any, name: str | None, where: str) -> None:
+    """Make a camera the active one, also where markers would switch to another."""
+    cameras = {o.name: o for o in bl_scene.objects if o.type == "CAMERA"}
+    if name is None:
+        return
+    if name not in cameras:
+        raise unknown_name("camera", name, where, list(cameras))
+    bl_scene.camera = cameras[name]
+    for marker in bl_scene.timeline_markers:
+        marker.camera = None
+
+
+def file_findings() -> list[Finding]:
+    """Return what the open file misses or keeps from running."""
+    return [*_blocked_drivers(), *_missing_libraries(), *_missing_images()]
+
+
+def _blocked_drivers() -> Iterator[Finding]:
+    for block in bpy.data.user_map():
+        trees = (block, getattr(block, "node_tree", None))
+        for animation in filter(None, (getattr(tree, "animation_data", None) for tree in trees)):
+            for curve in animation.drivers:
+                if curve.driver.type == "SCRIPTED" and not curve.driver.is_valid:
+                    yield Finding(
+                        "blocked-driver",
+                        "warning",
+                        block.name,
+                        f"the driver of {curve.data_path} cannot run without scripts or fails; "
+                        "its value may be 0",
+                    )
+
+
+def _missing_libraries() -> Iterator[Finding]:
+    for library in bpy.data.libraries:
+        if not Path(bpy.path.abspath(library.filepath)).is_file():
+            yield Finding(
+                "missing-library", "warning", library.name, f"{library.filepath} does not exist"
+            )
+
+
+def _missing_images() -> Iterator[Finding]:
+    for image in bpy.data.images:
+        if image.source != "FILE" or image.packed_file or not image.users or not image.filepath:
+            continue
+        if not Path(bpy.path.abspath(image.filepath, library=image.library)).is_file():
+            yield Finding(
+                "missing-image",
+                "warning",
+                image.name,
+                f"{image.filepath} does not exist; surfaces with it look as in Cycles (pink)",
+            )

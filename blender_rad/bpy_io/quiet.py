@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's own chatter kept off our standard output."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+
+log = logging.getLogger(__name__)
+
+_STDOUT = 1
+_STDERR = 2
+
+
+@contextmanager
+def quiet_stdout(*, errors: bool = False) -> Generator[None]:
+    """Send what Blender writes to file descriptor 1 to the debug log while it works.
+
+    Blender writes ``Read blend``, ``Fra:1 ...`` and the like past Python's `sys.stdout`, so that
+    the descriptor itself has to be turned away.
+
+    Parameters
+    ----------
+    errors : bool
+        Turn descriptor 2 away as well: Blender's importers say there what their exception says
+        again.
+    """
+    descriptors = (_STDOUT, _STDERR) if errors else (_STDOUT,)
+    _flush()
+    kept = [os.dup(descriptor) for descriptor in descriptors]
+    with tempfile.TemporaryFile() as said:
+        for descriptor in descriptors:
+            os.dup2(said.fileno(), descriptor)
+        try:
+            yield
+        finally:
+            _flush()
+            for descriptor, copy in zip(descriptors, kept, strict=True):
+                os.dup2(copy, descriptor)
+                os.close(copy)
+            said.seek(0)
+            for line in said.read().decode(errors="replace").splitlines():
+                log.debug("blender: %s", line)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()

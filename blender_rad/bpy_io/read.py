@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A Blender scene, as it renders, read into plain arrays."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..errors import Finding, RadError
+from ..lights import Model
+from ..scene import REC709_LUMINANCE, Scene
+from .cameras import read_camera
+from .instances import Reader
+from .materials import Shading
+from .open import SOURCE_KEY, file_findings
+from .session import in_render
+from .world import read_world
+
+
+@dataclass(frozen=True)
+class WorkingSpace:
+    """Chromaticities (xr, yr, xg, yg, xb, yb, xw, yw) and luminance weights of RGB triples."""
+
+    chromaticities: tuple[float, ...]
+    luminance_weights: tuple[float, float, float]
+
+
+_D65 = (0.3127, 0.3290)
+_ACES_WHITE = (0.32168, 0.33767)
+WORKING_SPACES = {
+    "Linear Rec.709": WorkingSpace((0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_D65), REC709_LUMINANCE),
+    "Linear Rec.2020": WorkingSpace(
+        (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *_D65),
+        (0.2627002120112671, 0.6779980715188708, 0.05930171646986194),
+    ),
+    "ACEScg": WorkingSpace(
+        (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, *_ACES_WHITE),
+        (0.2722287168, 0.6740817658, 0.0536895174),
+    ),
+}
+
+
+def read_scene(
+    bl_scene: Any,
+    *,
+    shading: Shading = "full",
+    model: Model = "cycles",
+    resolution: tuple[int, int] | None = None,
+) -> Scene:
+    """Return the scene as it renders at its current frame, in its first view layer in use.
+
+    Parameters
+    ----------
+    bl_scene : bpy.types.Scene; nothing in it is changed.
+    shading : ``full`` keeps the materials, ``clay`` makes all that reflects Lambert 0.8.
+    model : what the lights' numbers mean.
+    resolution : (width, height) in pixels in place of the scene's own; a border is scaled.
+    """
+    layer = next((layer for layer in bl_scene.view_layers if layer.use), bl_scene.view_layers[0])
+
+    def work(depsgraph: Any) -> Scene:
+        return read_depsgraph(depsgraph, shading=shading, model=model, resolution=resolution)
+
+    return in_render(bl_scene, layer.name, work)
+
+
+def read_depsgraph(
+    depsgraph: Any,
+    *,
+    shading: Shading = "full",
+    model: Model = "cycles",
+    resolution: tuple[int, int] | None = None,
+) -> Scene:
+    """Return the scene of a render depsgraph, such as a render engine is given."""
+    bl_scene = depsgraph.scene
+    render = bl_scene.render
+    layer = depsgraph.view_layer
+    unit_scale_m = unit_scale(bl_scene)
+    reader = Reader(depsgraph, shading, model, unit_scale_m)
+    reader.read()
+    size = frame_size(render)
+    camera = bl_scene.camera and read_camera(bl_scene.camera, render, resolution or size)
+    world = read_world(layer.world_override or bl_scene.world, shown=layer.use_sky)
+    file = bpy.data.filepath or bl_scene.original.get(SOURCE_KEY, "")
+    space = working_space()
+    scene = Scene(
+        file=file,
+        sha256=_sha256(file),
+        frame=bl_scene.frame_current,
+        meshes=tuple(reader.meshes),
+        instances=tuple(reader.instances),
+        materials=tuple(reader.materials),
+        lights=tuple(reader.lights),
+        world=world,
+        camera=camera,
+        resolution=size,
+        border=_border(render, size),
+        film_transparent=render.film_transparent,
+        unit_scale_m=unit_scale_m,
+        model=model,
+        shading=shading,
+        working_space=space,
+        chromaticities=WORKING_SPACES[space].chromaticities,
+        luminance_weights=WORKING_SPACES[space].luminance_weights,
+        blender_version=tuple(bpy.app.version),
+        unknown_lights=tuple(reader.unknown_lights),
+        unsupported=(
+            *reader.unsupported,
+            *dict.fromkeys(u for m in reader.materials for u in m.unsupported),
+            *world.unsupported,
+            *(camera.unsupported if camera else ()),
+        ),
+        findings=(*file_findings(), *_motion_blur(render), *reader.findings),
+    )
+    return scene.with_resolution(*resolution) if resolution else scene
+
+
+def unit_scale(bl_scene: Any) -> float:
+    """Return metres a Blender unit; without a unit system Blender ignores the scale: 1."""
+    units = bl_scene.unit_settings
+    return 1.0 if units.system == "NONE" else float(units.scale_length)
+
+
+def frame_size(render: Any) -> tuple[int, int]:
+    """Return the full frame's (width, height) in pixels, cut to whole pixels as Blender does."""
+    percent = render.resolution_percentage
+    return (
+        max(1, render.resolution_x * percent // 100),
+        max(1, render.resolution_y * percent // 100),
+    )
+
+
+def working_space() -> str:
+    """Return the name of the open file's working space; Rec.709 before Blender 5."""
+    colours = getattr(bpy.data, "colorspace", None)
+    name = colours.working_space if colours else "Linear Rec.709"
+    if name not in WORKING_SPACES:
+        known = ", ".join(WORKING_SPACES)
+        raise RadError(f"unknown working space {name!r}", bpy.data.filepath, f"expected {known}")
+    return name
+
+
+def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
+    """Return the render border in pixels, cut in single precision as Blender does."""
+    if not render.use_border:
+        return None
+    low = np.float32([render.border_min_x, render.border_min_y]) * np.float32(size)
+    high = np.float32([render.border_max_x, render.border_max_y]) * np.float32(size)
+    return (int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+
+
+def _motion_blur(render: Any) -> list[Finding]:
+    if not render.use_motion_blur:
+        return []
+    return [Finding("motion-blur", "info", "", "motion blur is on; the scene is read at rest")]
+
+
+def _sha256(file: str) -> str:
+    """Return the checksum of `file`, empty for a scene that is not saved."""
+    if not file:
+        return ""
+    with Path(bpy.path.abspath(file)).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
