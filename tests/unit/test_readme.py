@@ -16,10 +16,12 @@ def mapped() -> set[str]:
     paths: set[str] = set()
     folder = ""
     for line in block.splitlines():
-        name = line.split()[0]
-        if not line.startswith(" "):
-            folder = name if line.strip() == name else ""
-        paths.add(folder + name if line.startswith(" ") else name)
+        names = re.split(r"\s{2,}", line.strip())[0].split()
+        if line.startswith(" "):
+            paths |= {folder + name for name in names if re.search(r"/$|\.\w+$", name)}
+        else:
+            folder = names[0]
+            paths.add(folder)
     return paths
 
 
