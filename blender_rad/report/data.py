@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -68,7 +69,7 @@ class ReportData:
         values = self.efficacy_lm_W * (radiance @ np.asarray(self.luminance_weights))
         return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
 
-    @property
+    @functools.cached_property
     def compared(self) -> NDArray[np.bool_]:
         """Pixels that take part: inside, not excluded, finite on both sides; (h, w)."""
         finite = np.isfinite(self.ours).all(axis=2) & np.isfinite(self.witness).all(axis=2)

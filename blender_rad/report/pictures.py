@@ -140,4 +140,4 @@ def difference_picture(data: ReportData, result: Difference, limit: float) -> Pi
     hatch = np.array(HATCH, np.uint8)[in_gap.astype(np.intp)]
     pixels = np.where(fit(~data.compared)[..., None], hatch, pixels)
     pixels[..., 3] = np.where(fit(data.inside), 255, 0)
-    return _encode(pixels, "png", sharp=width < SHARP_WIDTH)
+    return _encode(pixels, "png", sharp=False)  # hatching shrinks badly with hard pixels

@@ -475,6 +475,24 @@ def test_nothing_to_compare_still_makes_a_page() -> None:
     assert not re.search(r"\bnan\b", read(page).text)
 
 
+def test_settings_that_have_no_place_may_be_missing() -> None:
+    made = document("undecided", [], witnesses=[])
+    del made["settings"]["samples"], made["settings"]["cycles_samples"]
+    made["settings"]["overridden"] = {}
+    page = render_report(ReportData(made, **pictures({}, size=(32, 24))))
+    assert "with the file’s own settings" in page
+
+
+def test_every_witness_is_listed() -> None:
+    made = document("differ", [light("Key", 1.2, 0.01, "differ")])
+    made["witnesses"] = [
+        {"name": name, "verdict": verdict} | {k: made[k] for k in ("pixels", "metrics", "lights")}
+        for name, verdict in (("Cycles", "differ"), ("Radiance", "agree"))
+    ]
+    page = render_report(ReportData(made, **pictures({"Key": 1.2}, size=(64, 48))))
+    assert re.search(r"All witnesses.*Radiance.*Agrees.*How to read", page, re.S)
+
+
 def test_diagnosis_is_explained_by_its_finding() -> None:
     row = re.search(r"<tbody>\s*<tr>.*?</tr>", page_of("differ"), re.S).group()
     assert "Area four over pi" in row
