@@ -122,6 +122,7 @@ def _pictures(data: ReportData, tolerance: float) -> dict[str, Any]:
         "tile_tolerance": TILE_TOLERANCES * tolerance,
         "noise_known": result.noise_known,
         "excluded": float(1 - data.compared.sum() / max(data.inside.sum(), 1)),
+        "bordered": not bool(data.inside.all()),
         "peak": float(data.luminance(data.ours).max(initial=0.0)),
     }
 

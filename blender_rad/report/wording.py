@@ -198,8 +198,9 @@ def next_step(document: Mapping[str, Any], rows: list[dict[str, Any]]) -> Markup
     if document["verdict"] == "agree" or not document["pixels"]["compared"]:
         return None
     if known(supported) and supported < HALF:
-        text = "What is in the way stands under “What was left out”. {} checks the lights alone."
-        return Markup(text).format(Markup("<code>--shading clay</code>"))
+        way_out = Markup(" <code>--shading clay</code> checks the lights alone.")
+        text = Markup("What is in the way stands under “What was left out”.")
+        return text + (way_out if document["settings"]["shading"] == "full" else "")
     text = "More samples or a wider {} would decide it."
     return Markup(text).format(Markup("<code>--tolerance</code>"))
 

@@ -530,6 +530,11 @@ def test_next_step_says_what_to_do() -> None:
     assert 'class="next"' not in page_of("agree")
 
 
+def test_the_render_border_is_in_the_key() -> None:
+    assert "outside the render border" in page_of("half_excluded")
+    assert "outside the render border" not in page_of("agree")
+
+
 def test_command_is_the_given_one_or_rebuilt() -> None:
     made = document("agree", [])
     made["scene"]["file"] = "a b.blend"
