@@ -4,22 +4,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Finding
 from .factors import Problem, fit
-from .pools import Array
-from .result import LightInfo, Verdict
+from .pools import (
+    CELLS_A_TILE,
+    Array,
+    Cells,
+    Estimates,
+    Pools,
+    kept_tiles,
+    tile_means,
+    worst_tile,
+)
+from .result import MIN_ENERGY, Verdict
+from .statistics import p_equivalent, p_outside
 
 KM = 683.002  # lm/W, photopic
 CYCLES_IES = 177.83  # lm/W, of Cycles' IES texture
 RADIANCE = 179.0  # lm/W, of Radiance
 
 SIGMAS = 3.0
+NEGLIGIBLE = 0.25  # of the tolerance: structure below it is left alone
+MAX_ERROR = 0.02  # a factor known no better would fit too many causes by chance
 SLACK = 1e-3  # relative; Cycles itself is up to 3e-4 off the closed forms
 
 _FALLING_OFF = frozenset({"POINT", "SPOT", "AREA"})
@@ -94,171 +105,337 @@ class Clues:
     film_exposure : of the file, or None.
     """
 
-    alternatives: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
-    unit_scale_m: float = 1.0
-    film_exposure: float | None = None
+    alternatives: Mapping[str, Mapping[str, Array]]
+    unit_scale_m: float
+    film_exposure: float | None
+
+
+@dataclass(frozen=True)
+class Case:
+    """A comparison that differs, and all that may tell why.
+
+    Attributes
+    ----------
+    types : light type by name.
+    verdicts : of the groups of `problem`, from the fit of our own layers.
+    alpha : level of tests.
+    """
+
+    problem: Problem
+    cells: Cells
+    pools: Pools
+    types: Mapping[str, str]
+    verdicts: Sequence[Verdict]
+    clues: Clues
+    tolerance: float
+    alpha: float
+
+
+@dataclass(frozen=True)
+class Named:
+    """A cause found for one group, with the layer (p,) that it predicts for it, unscaled."""
+
+    code: str
+    message: str
+    effect_percent: float
+    column: Array
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Causes by group (None where there is none), their findings, and the layers they predict."""
+    """What is known of each group once the causes are: an innocent light is cleared.
 
+    Attributes
+    ----------
+    factors, verdicts, causes : of the groups.
+    """
+
+    factors: Estimates
+    verdicts: list[Verdict]
     causes: list[str | None]
     findings: list[Finding]
-    columns: Array
 
 
 def _near(value: float, predicted: float, error: float) -> bool:
     return abs(value - predicted) <= SIGMAS * error + SLACK * predicted
 
 
-def match_factor(factor: float, error: float, type_: str, scale: float) -> tuple[Cause, float] | None:
+def match_factor(
+    factor: float, error: float, type_: str, scale: float
+) -> tuple[Cause, float] | None:
     """Return the one cause, and its factor, that explains a light's factor; None if not unique."""
-    found = {
-        cause.code: (cause, value)
+    if error > MAX_ERROR * max(abs(factor), 1.0):
+        return None
+    found = [
+        (cause, value)
         for cause in CAUSES
         if not cause.types or type_.upper() in cause.types
         for value in cause.factors(scale)
         if not _near(value, 1.0, error) and _near(factor, value, error)
-    }
-    return next(iter(found.values())) if len(found) == 1 else None
+    ]
+    return found[0] if len({cause.code for cause, _ in found}) == 1 else None
 
 
-def _better(problem: Problem, columns: Array) -> tuple[float, float]:
-    """Return by how much `columns` explain the witness better than ours, and that number's error.
+def _left(case: Case, columns: Array, known: Estimates) -> Array:
+    """Return what `columns` at their factors leave of the witness, tile means (r, t, 3)."""
+    model = case.cells.seen + (known.value @ columns).reshape(case.cells.seen.shape)
+    return tile_means(case.cells, case.cells.residual(model))
 
-    It is the fall of the weighted sum of squares of what is left, replicate by replicate, each
-    side with its own best factors.
+
+def _tile_scale(pools: Pools) -> Array:
+    return np.maximum(pools.tile_scale.reshape(-1, 3), np.finfo(float).tiny ** 0.5)
+
+
+def misfit(case: Case, left: Array) -> tuple[float, float]:
+    """Return the mean square relative structure in `left` (r, t, 3), and its standard error.
+
+    Notes
+    -----
+    Products of different replicates, Σ_{i≠j} Σ_t x_i x_j / (r (r−1)), have no noise on average: it
+    needs no noise model to see whether a fit is right. Tiles count by 1/scale, as the noise of
+    light does.
     """
-    falls = np.zeros(len(problem.target))
-    for sign, layers in ((1.0, problem.columns), (-1.0, columns)):
-        left = problem.target - problem.factors(layers).value @ layers
-        falls += sign * np.sum(problem.weights * left**2, axis=1)
-    return float(falls.mean()), float(falls.std(ddof=1) / math.sqrt(len(falls)))
+    count = len(left)
+    scale = _tile_scale(case.pools)
+    total = left.sum(axis=0)
+    products = np.sum(left * (total - left) / scale, axis=(1, 2)) / (count - 1) / scale.sum()
+    return float(products.mean()), float(2.0 * products.std(ddof=1) / math.sqrt(count))
 
 
-def _alternative(
-    problem: Problem, g: int, layers: Array, names: tuple[str, ...], clues: Clues, needs_proof: bool
-) -> tuple[str, str, float, Array] | None:
-    """Return light, cause, effect and columns of the best alternative layer in group `g`."""
-    best, best_gain = None, 0.0
+def _is_structure(case: Case, found: tuple[float, float]) -> bool:
+    value, error = found
+    return value > max(SIGMAS * error, (case.tolerance * NEGLIGIBLE) ** 2)
+
+
+def _shapes(case: Case, columns: Array, g: int) -> list[Named]:
+    """Return what else group `g` could look like: the alternatives given, and another colour."""
+    names, problem = case.cells.names, case.problem
+    layers = case.cells.layers.reshape(len(names), -1)
+    shapes: list[Named] = []
     for j in problem.groups[g]:
-        for code, layer in clues.alternatives.get(names[j], {}).items():
-            columns = problem.columns.copy()
-            columns[g] += layer - layers[j]
-            factors = problem.factors(columns)
-            gain, noise = _better(problem, columns)
-            proven = gain - SIGMAS * noise > 0 if needs_proof else gain + SIGMAS * noise > 0
-            fits = _near(float(factors.value[g]), 1.0, float(factors.error[g]))
-            if proven and fits and (best is None or gain > best_gain):
-                effect = float(layer.sum() / layers[j].sum() - 1.0) * 100.0
-                best, best_gain = (names[j], code, effect, columns), gain
-    return best
+        for code, layer in case.clues.alternatives.get(names[j], {}).items():
+            effect = 100.0 * float(layer.sum() / layers[j].sum() - 1.0)
+            message = f"looks as {code} predicts, {effect:+.2f} % of its light"
+            shapes.append(Named(code, message, effect, columns[g] + layer - layers[j]))
+    lit = problem.channel_energy()[g] >= MIN_ENERGY
+    if lit.sum() > 1:
+        channels = [fit(columns, problem.target, problem.weights * only, problem.variance).value[g]
+                    for only in np.arange(columns.shape[1]) % 3 == np.arange(3)[:, None]]
+        values = np.where(lit, channels, 1.0)
+        scaled = (columns[g].reshape(-1, 3) * values).ravel()
+        listed = ", ".join(f"{v:.4g}" for v in values)
+        effect = 100.0 * float(scaled.sum() / columns[g].sum() - 1.0)
+        message = f"another colour in the witness: factors {listed} (R, G, B)"
+        shapes.append(Named("colour", message, effect, scaled))
+    return shapes
 
 
-def common_factor(problem: Problem) -> tuple[float, float, int] | None:
-    """Return the factor that all lights and all seen emission share, its error and their number.
+def _reshape(case: Case) -> tuple[Array, dict[int, Named]]:
+    """Return the columns that leave least structure, and the groups that were changed for it.
 
-    None where they do not share one.
+    One group after the other takes the shape that helps most, as long as it halves what is left
+    and needs no further factor. Where scaling leaves nothing, an alternative that needs no factor
+    still explains more than one that has no name.
     """
+    columns, named = case.problem.columns.copy(), dict[int, Named]()
+    current = misfit(case, _left(case, columns, case.problem.known))
+    for _ in case.problem.groups:
+        structured = _is_structure(case, current)
+        best: tuple[tuple[float, float], int, Named] | None = None
+        for g in range(len(columns)):
+            if g in named or case.problem.energy[g] == 0.0:
+                continue
+            for shape in _shapes(case, columns, g):
+                tried = columns.copy()
+                tried[g] = shape.column
+                known = case.problem.factors(tried)
+                found = misfit(case, _left(case, tried, known))
+                free = shape.code != "colour" and case.verdicts[g] == "differ"
+                good = found[0] < 0.5 * current[0] if structured else free and not _is_structure(
+                    case, found
+                )
+                if good and _near(known.value[g], 1.0, known.error[g]) and (
+                    best is None or found[0] < best[0][0]
+                ):
+                    best = found, g, shape
+        if best is None:
+            break
+        current, g, named[g] = best
+        columns[g] = named[g].column
+    return columns, named
+
+
+def _by_factor(case: Case, g: int, known: Estimates) -> Named | None:
+    """Return the cause with the factor of group `g`, all of whose lights must be of one type."""
+    types = {case.types[case.cells.names[j]] for j in case.problem.groups[g]}
+    value, error, scale = known.value[g], known.error[g], case.clues.unit_scale_m
+    match = match_factor(value, error, types.pop(), scale) if len(types) == 1 else None
+    if match is None:
+        return None
+    cause, predicted = match
+    message = f"{cause.message}; predicted {predicted:.5g}, measured {value:.5g} ± {error:.2g}"
+    return Named(cause.code, message, 100.0 * (value - 1.0), case.problem.columns[g])
+
+
+def _exposure(case: Case) -> tuple[float, bool] | None:
+    """Return the factor of everything, directly seen emission too; and whether it is proven.
+
+    It is where the file states it, or where seen emission shares it; else it may be lights alone.
+    """
+    problem = case.problem
     columns = np.vstack([problem.columns, problem.seen])
-    factors = fit(columns, problem.target + problem.seen * (problem.weights > 0),
-                  problem.weights, problem.variance)
+    target = problem.target + problem.seen * (problem.weights > 0)
+    known = fit(columns, target, problem.weights, problem.variance)
     size = np.abs(columns.sum(axis=1))
     counts = size >= 0.01 * size.sum()
-    value, error = factors.value[counts], factors.error[counts]
+    value, error = known.value[counts], known.error[counts]
     if not counts.any():
         return None
     common = float(np.average(value, weights=1.0 / error**2))
-    near = all(_near(v, common, e) for v, e in zip(value, error, strict=True))
-    known = float(1.0 / np.sqrt(np.sum(1.0 / error**2)))
-    return (common, known, int(counts.sum())) if near else None
-
-
-def _exposure(problem: Problem, clues: Clues) -> tuple[float, bool] | None:
-    """Return the film exposure that explains everything, and whether the file states it."""
-    shared = common_factor(problem)
-    if shared is None or _near(shared[0], 1.0, shared[1]):
+    error_of_common = float(1.0 / np.linalg.norm(1.0 / error))
+    shared = all(_near(v, common, e) for v, e in zip(value, error, strict=True))
+    if not shared or _near(common, 1.0, error_of_common) or common <= SIGMAS * error_of_common:
         return None
-    factor, error, number = shared
-    if clues.film_exposure is not None:
-        return (factor, True) if _near(factor, clues.film_exposure, error) else None
-    return (factor, False) if number > 1 else None
+    stated = case.clues.film_exposure
+    if stated is not None:
+        return (common, True) if _near(common, stated, error_of_common) else None
+    return (common, bool(counts[-1])) if counts.sum() > 1 else None
 
 
-def diagnose(
-    problem: Problem,
-    names: tuple[str, ...],
-    layers: NDArray[np.float64],
-    infos: Mapping[str, LightInfo],
-    verdicts: list[Verdict],
-    clues: Clues,
-) -> Diagnosis:
-    """Name the cause for each group of lights that differs, and for any that differs in shape.
-
-    Parameters
-    ----------
-    layers : (j, p) cell sums of our lights, in the order of `names`.
-    verdicts : of the groups.
-    """
-    factors = problem.factors()
-    causes: list[str | None] = [None] * len(problem.groups)
-    findings: list[Finding] = []
-    columns = problem.columns.copy()
-
-    def name(g: int, code: str, message: str, effect: float) -> None:
-        causes[g] = code
-        members = ", ".join(names[j] for j in problem.groups[g])
-        findings.append(Finding(code, "error", members, message, effect))
-
-    exposure = _exposure(problem, clues)
-    seen_too = float(np.abs(problem.seen).sum()) > 0.01 * float(np.abs(problem.columns).sum())
-    if exposure is not None and (exposure[1] or seen_too):
-        return _all_exposed(problem, exposure[0], verdicts, clues)
-    for g, verdict in enumerate(verdicts):
-        value, error = float(factors.value[g]), float(factors.error[g])
-        found = _alternative(problem, g, layers, names, clues, verdict != "differ")
-        if found is not None and (verdict == "differ" or problem.energy[g] > 0):
-            light, code, effect, replaced = found
-            columns[g] = replaced[g]
-            name(g, code, f"{light}: the witness shows it as {code} predicts "
-                 f"({effect:+.2f} % of its light)", effect)
-            continue
-        if verdict != "differ":
-            continue
-        types = {infos[names[j]].type for j in problem.groups[g]}
-        match = match_factor(value, error, types.pop(), clues.unit_scale_m) if len(types) == 1 else None
-        measured = f"measured {value:.5g} ± {error:.2g}"
-        if match is not None:
-            cause, predicted = match
-            name(g, cause.code, f"{cause.message}; predicted {predicted:.5g}, {measured}",
-                 100.0 * (value - 1.0))
-    open_groups = [g for g, v in enumerate(verdicts) if v == "differ" and causes[g] is None]
-    if exposure is not None and open_groups:
-        return _all_exposed(problem, exposure[0], verdicts, clues)
-    for g in open_groups:
-        name(g, *_unnamed(problem, g, factors.value[g], factors.error[g]))
-    return Diagnosis(causes, findings, columns)
-
-
-def _unnamed(problem: Problem, g: int, value: float, error: float) -> tuple[str, str, float]:
-    """Return code, message and effect for a light that is off by a number, or in its colour."""
-    channels = [problem.channel_factors(c) for c in range(3)]
-    value_c = np.array([channel.value[g] for channel in channels])
-    error_c = np.array([channel.error[g] for channel in channels])
-    lit = problem.channel_energy()[g] >= 0.01
-    effect = 100.0 * (float(value) - 1.0)
-    if lit.sum() > 1 and np.ptp(value_c[lit]) > SIGMAS * np.hypot.reduce(error_c[lit]) + SLACK:
-        listed = ", ".join(f"{v:.4g}" for v in value_c)
-        return "colour", f"its colour is another in the witness: factors {listed} (R, G, B)", effect
-    return "scale", f"no known cause; it is {value:.5g} ± {error:.2g} times ours", effect
-
-
-def _all_exposed(
-    problem: Problem, factor: float, verdicts: list[Verdict], clues: Clues
-) -> Diagnosis:
-    said = "" if clues.film_exposure is None else f"; the file says {clues.film_exposure:.5g}"
-    message = f"everything is {factor:.5g} times ours: film exposure{said}"
+def _exposed(case: Case, factor: float) -> Diagnosis:
+    stated = case.clues.film_exposure
+    said = "" if stated is None else f"; the file says {stated:.5g}"
+    message = f"everything is {factor:.5g} times ours{said}"
     finding = Finding("film-exposure", "error", "", message, 100.0 * (factor - 1.0))
-    causes = ["film-exposure" if v == "differ" else None for v in verdicts]
-    return Diagnosis(causes, [finding], problem.columns)
+    causes = ["film-exposure" if v == "differ" else None for v in case.verdicts]
+    return Diagnosis(case.problem.known, list(case.verdicts), causes, [finding])
+
+
+def _without_tiles(case: Case, columns: Array) -> Estimates | None:
+    """Return the factors from tiles where a fit leaves nothing; None if over a quarter is out.
+
+    What a local error does to a fit spreads over the picture, so the worst tile goes first and the
+    others are looked at again.
+    """
+    problem, where = case.problem, tuple(case.pools.where.T)
+    kept = np.ones(kept_tiles(case.cells).shape, bool)
+    rows, width = case.cells.ours.shape[:2]
+    for _ in range(len(case.pools.where) // 4 + 1):
+        cells = kept.repeat(CELLS_A_TILE, axis=0).repeat(CELLS_A_TILE, axis=1)[:rows, :width]
+        weights = problem.weights * np.repeat(cells, 3)
+        known = fit(columns, problem.target, weights, problem.variance)
+        left = _left(case, columns, known) * kept[where][:, None]
+        if not _is_structure(case, misfit(case, left)):
+            return known
+        score = (left.mean(axis=0) ** 2 / _tile_scale(case.pools)).sum(axis=1)
+        row, column = case.pools.where[np.argmax(score)]
+        kept[row, column] = False
+    return None
+
+
+def _unexplained(case: Case, columns: Array, known: Estimates, sound: bool) -> Finding:
+    """Return the finding for what no lights explain: local, or everywhere of one sign, or neither.
+
+    What sign it has shows in the difference from our own picture; a fit takes part of it up.
+    """
+    local = _left(case, columns, known).mean(axis=0).ravel()
+    tiles = case.pools.tiles
+    difference = local if sound else tiles.value
+    relative, x, y = worst_tile(case.pools, difference)
+    noise = SIGMAS * tiles.error + SLACK * case.pools.tile_scale
+    if sound:
+        code = "extra-light" if relative > 0 else "extra-shadow"
+    elif (tiles.value > -noise).all():
+        code = "extra-light"
+    else:
+        code = "extra-shadow" if (tiles.value < noise).all() else "unexplained"
+    what = {
+        "extra-light": "has light that none of ours explains",
+        "extra-shadow": "lacks light that no light of ours as a whole explains",
+        "unexplained": "spreads light in a way that no light of ours explains",
+    }[code]
+    hint = "" if sound else "; until that is found, the factors of lights mean little"
+    message = f"the witness {what}, most at pixel ({x}, {y}): {100 * relative:+.2f} %{hint}"
+    effect = 100.0 * float(difference.sum() / case.pools.tile_scale.sum())
+    return Finding(code, "error", "", message, effect)
+
+
+def _judge_again(case: Case, known: Estimates, named: Mapping[int, Named]) -> list[Verdict]:
+    """Return the groups' verdicts with the causes in place."""
+    judged = case.problem.energy >= MIN_ENERGY
+    delta, limit = known.value - 1.0, np.full(len(known.value), case.tolerance)
+    level = case.alpha / max(judged.sum(), 1)
+    outside = judged & (p_outside(delta, known.error, known.df, limit) <= level)
+    within = judged & (p_equivalent(delta, known.error, known.df, limit) <= case.alpha)
+    return [
+        "differ" if outside[g] or g in named else "agree" if within[g] else "undecided"
+        for g in range(len(judged))
+    ]
+
+
+def diagnose(case: Case) -> Diagnosis:
+    """Name the cause for each group of lights that is off in its factor, colour or shape.
+
+    A proven film exposure comes first; then the shapes that leave least unexplained; what is left
+    in few tiles is local, and the lights are judged by the others; what is left all over means that
+    the lights cannot be judged; a factor without a signature is only held against a light if it
+    moves more light than what is left. One that all share is a film exposure after all.
+    """
+    exposure = _exposure(case)
+    if exposure is not None and exposure[1]:
+        return _exposed(case, exposure[0])
+    columns, named, findings = *_reshape(case), list[Finding]()
+    known, leak = case.problem.factors(columns), 0.0
+    if _is_structure(case, misfit(case, _left(case, columns, known))):
+        named = {g: shape for g, shape in named.items() if shape.code != "colour"}
+        columns = _with_shapes(case.problem.columns, named)
+        trimmed = _without_tiles(case, columns)
+        sound = trimmed is not None
+        known = trimmed or case.problem.factors(columns)
+        findings.append(_unexplained(case, columns, known, sound))
+        leak = abs(findings[0].effect_percent or 0.0) / 100.0 if sound else math.inf
+    verdicts = _judge_again(case, known, named)
+    matched = {
+        g: cause for g, verdict in enumerate(verdicts)
+        if verdict == "differ" and g not in named and (cause := _by_factor(case, g, known))
+    }
+    off = [g for g, v in enumerate(verdicts) if v == "differ" and g not in {**named, **matched}]
+    if exposure is not None and off:
+        return _exposed(case, exposure[0])
+    causes = {**named, **matched}
+    for g in off:
+        if case.problem.energy[g] * abs(known.value[g] - 1.0) >= leak:
+            causes[g] = _scaled(case, g, known)
+        else:
+            verdicts[g] = "undecided"
+    findings = [*(_finding(case, g, cause) for g, cause in sorted(causes.items())), *findings]
+    codes = [causes[g].code if g in causes else None for g in range(len(verdicts))]
+    return Diagnosis(_of_ours(case, known, columns), verdicts, codes, findings)
+
+
+def _with_shapes(columns: Array, named: Mapping[int, Named]) -> Array:
+    changed = columns.copy()
+    for g, shape in named.items():
+        changed[g] = shape.column
+    return changed
+
+
+def _scaled(case: Case, g: int, known: Estimates) -> Named:
+    value, error = known.value[g], known.error[g]
+    message = f"no known cause; {value:.5g} ± {error:.2g} times ours"
+    return Named("scale", message, 100.0 * (value - 1.0), case.problem.columns[g])
+
+
+def _finding(case: Case, g: int, cause: Named) -> Finding:
+    members = ", ".join(case.cells.names[j] for j in case.problem.groups[g])
+    return Finding(cause.code, "error", members, cause.message, cause.effect_percent)
+
+
+def _of_ours(case: Case, known: Estimates, columns: Array) -> Estimates:
+    """Return the factors of the shapes found as factors of our layers' energies."""
+    ours = case.problem.columns.sum(axis=1)
+    ratio = np.divide(columns.sum(axis=1), ours, out=np.ones_like(ours), where=ours != 0)
+    return Estimates(
+        known.value * ratio, known.witness_variance * ratio**2, known.our_variance * ratio**2,
+        known.df,
+    )

@@ -9,6 +9,7 @@ factor is the spread of its fits, so that no noise model has to be true for it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def normal_equations(layers: Array, weight: Array, variance: Array) -> Normal:
     size = np.abs(layers)
     total = size.sum(axis=0)
     noisy = np.divide(weight * variance, total, out=np.zeros_like(total), where=total > 0)
-    return Normal((layers * weight) @ layers.T, size @ noisy)
+    return Normal((layers * weight) @ layers.T, np.asarray(size @ noisy, float))
 
 
 def find_groups(layers: Array, weight: Array, variance: Array) -> list[list[int]]:
@@ -162,10 +163,14 @@ class Problem:
         size = np.abs(self.columns.sum(axis=1))
         return size / size.sum() if size.sum() > 0 else size
 
-    def factors(self, columns: Array | None = None) -> Estimates:
-        """Return the factors of the groups, or of the `columns` (g, p) given in their place."""
-        chosen = self.columns if columns is None else columns
-        return fit(chosen, self.target, self.weights, self.variance)
+    @cached_property
+    def known(self) -> Estimates:
+        """The factors of the groups."""
+        return self.factors(self.columns)
+
+    def factors(self, columns: Array) -> Estimates:
+        """Return the factors of `columns` (g, p) in place of ours."""
+        return fit(columns, self.target, self.weights, self.variance)
 
     def channel_factors(self, channel: int) -> Estimates:
         """Return the factors of the groups from one channel alone."""

@@ -17,7 +17,10 @@ from ..film import Film
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Picture = NDArray[np.float32] | NDArray[np.float64]
 
+MIN_TILE_PIXELS = 16
+DARK = 0.05
 CELL = 4
 CELLS_A_TILE = 4
 TILE = CELL * CELLS_A_TILE
@@ -59,7 +62,7 @@ class Cells:
         return self.witness - np.where(self.counts > 0, model, 0.0)
 
 
-def cells_from_seeds(film: Film, seeds: NDArray[np.floating], compared: Mask) -> Cells:
+def cells_from_seeds(film: Film, seeds: Picture, compared: Mask) -> Cells:
     """Return the cells of witness renders (s, h, w, 3): every seed sees every cell."""
     names = tuple(film.lights)
     ours = cell_sums(film.radiance, compared)
@@ -76,7 +79,7 @@ def cells_from_seeds(film: Film, seeds: NDArray[np.floating], compared: Mask) ->
     )
 
 
-def cell_sums(image: NDArray[np.floating], compared: Mask) -> Array:
+def cell_sums(image: Picture, compared: Mask) -> Array:
     """Return sums of an (h, w, 3) picture over the compared pixels of each cell."""
     return block_sums(np.where(compared[..., None], image, 0.0).astype(float), CELL)
 
@@ -124,9 +127,8 @@ class Estimates:
 
     def at(self, index: NDArray[np.int64]) -> Estimates:
         """Return those at `index`."""
-        return Estimates(
-            self.value[index], self.witness_variance[index], self.our_variance[index], self.df[index]
-        )
+        fields = (self.value, self.witness_variance, self.our_variance, self.df)
+        return Estimates(*(field[index] for field in fields))
 
 
 def estimate(replicates: Array, our_variance: Array, scale: Array) -> Estimates:
@@ -163,31 +165,51 @@ class Pools:
     where: NDArray[np.int64]
 
 
-def pool(cells: Cells, difference: Array, *, dark: float, min_pixels: int) -> Pools:
+def kept_tiles(cells: Cells) -> Mask:
+    """Return which tiles hold enough compared pixels, in every replicate, (th, tw)."""
+    counts = block_sums(cells.counts, CELLS_A_TILE)[..., 0]
+    whole = block_sums(cells.counts.max(axis=0), CELLS_A_TILE)[..., 0]
+    return (whole >= MIN_TILE_PIXELS) & (counts > 0).all(axis=0)
+
+
+def tile_means(cells: Cells, difference: Array) -> Array:
+    """Return means over the kept tiles of sums over cells (r, ch, cw, 3), as (r, t, 3)."""
+    kept = kept_tiles(cells)
+    counts = block_sums(cells.counts, CELLS_A_TILE)[:, kept]
+    return block_sums(difference, CELLS_A_TILE)[:, kept] / counts
+
+
+def pool(cells: Cells, difference: Array) -> Pools:
     """Return the pools of `difference` (r, ch, cw, 3), sums over cells.
 
-    A channel counts relative to its own mean in the tile, but to no less than `dark` times its mean
-    in the picture, and a channel of the picture to no less than `dark` times the mean of the three:
+    A channel counts relative to its own mean in the tile, but to no less than `DARK` times its mean
+    in the picture, and a channel of the picture to no less than `DARK` times the mean of the three:
     the noise of a channel that holds next to nothing decides nothing. Tiles of fewer than
-    `min_pixels` compared pixels (in any replicate) are left to the frame.
+    `MIN_TILE_PIXELS` compared pixels are left to the frame.
     """
     number = cells.counts.sum(axis=(1, 2))
     picture = np.abs(cells.ours.sum(axis=(0, 1))) / cells.counts[..., 0].max(axis=0).sum()
-    frame_scale = np.maximum(picture, dark * picture.mean())
+    frame_scale = np.maximum(picture, DARK * picture.mean())
     total = cells.counts.max(axis=0)
     frame = estimate(
         difference.sum(axis=(1, 2)) / number,
         cells.variance.sum(axis=(0, 1)) / total.sum() ** 2,
         frame_scale,
     )
-    tile_counts = block_sums(cells.counts, CELLS_A_TILE)
-    tile_total = block_sums(total, CELLS_A_TILE)
-    kept = (tile_total[..., 0] >= min_pixels) & np.all(tile_counts[..., 0] > 0, axis=0)
-    tile_total = tile_total[kept]
-    replicates = block_sums(difference, CELLS_A_TILE)[:, kept] / tile_counts[:, kept]
+    kept = kept_tiles(cells)
+    tile_total = block_sums(total, CELLS_A_TILE)[kept]
+    replicates = tile_means(cells, difference)
     ours = np.abs(block_sums(cells.ours, CELLS_A_TILE)[kept]) / tile_total
-    tile_scale = np.maximum(ours, dark * frame_scale).ravel()
+    tile_scale = np.maximum(ours, DARK * frame_scale).ravel()
     variance = block_sums(cells.variance, CELLS_A_TILE)[kept] / tile_total**2
     tiles = estimate(replicates.reshape(len(replicates), -1), variance.ravel(), tile_scale)
     pixels = np.repeat(tile_total.ravel(), 3)
     return Pools(frame, frame_scale, tiles, tile_scale, pixels, np.argwhere(kept))
+
+
+def worst_tile(pools: Pools, difference: Array) -> tuple[float, int, int]:
+    """Return the largest of `difference` (t·3) over the scale, and its tile's first (x, y)."""
+    relative = difference / np.maximum(pools.tile_scale, np.finfo(float).tiny)
+    worst = int(np.argmax(np.abs(relative)))
+    row, column = pools.where[worst // 3] * TILE
+    return float(relative[worst]), int(column), int(row)

@@ -14,6 +14,7 @@ from ..errors import Finding
 
 Verdict = Literal["agree", "differ", "undecided"]
 
+MIN_ENERGY = 0.01  # lights with less of it are reported, not judged
 EXCLUDED, AGREE, DIFFER, UNDECIDED = range(4)
 
 

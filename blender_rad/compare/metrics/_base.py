@@ -26,7 +26,7 @@ class Metric(ABC):
     @classmethod
     @abstractmethod
     def compute(cls, candidate: Array, reference: Array) -> float:
-        """Return the metric of radiances (n, 3) of the compared pixels; the witness is reference."""
+        """Return the metric of radiances (n, 3); the reference is the witness."""
 
 
 def relative_errors(candidate: Array, reference: Array) -> Array:
