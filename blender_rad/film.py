@@ -21,7 +21,8 @@ class Film:
     Attributes
     ----------
     radiance : (h, w, 3) [W/(m² sr)], premultiplied with `alpha`.
-    variance : (h, w, 3) variance of the mean of `radiance`; pixels are independent of each other.
+    variance : (h, w, 3) unbiased variance of the mean of `radiance`, nan where one sample tells
+        nothing of it; pixels are independent of each other, so over a pool it adds up.
     alpha : (h, w).
     lights : radiance by light name, each (h, w, 3) float32; they add up to `radiance` less what
         the camera sees directly (emitting surfaces and the background), which is `seen`.
@@ -51,8 +52,12 @@ class Film:
 
     @property
     def standard_error(self) -> Image:
-        """Standard error of `radiance`, (h, w, 3) [W/(m² sr)]."""
-        return np.sqrt(self.variance)
+        """Standard error of `radiance`, (h, w, 3) [W/(m² sr)], for ±1.96 of it to cover 95 %.
+
+        A few samples that all see the same thing tell too little of a pixel's own spread, so it is
+        taken for no smaller than its neighbourhood's.
+        """
+        return np.sqrt(np.maximum(self.variance, neighbourhood_mean(self.variance, self.inside)))
 
     @property
     def relative_standard_error(self) -> float:
@@ -63,3 +68,13 @@ class Film:
             self.variance, signal, out=np.zeros_like(self.variance), where=signal > 0
         )
         return float(np.sqrt(np.mean(ratio[self.inside])))
+
+
+def neighbourhood_mean(values: Image, inside: NDArray[np.bool_]) -> Image:
+    """Return `values` (h, w, ...) averaged over the 3×3 pixels around each, of those `inside`."""
+    height, width = inside.shape
+    kept = inside.reshape(height, width, *[1] * (values.ndim - 2))
+    rim = [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)]
+    total, count = np.pad(np.where(kept, values, 0.0), rim), np.pad(kept.astype(float), rim)
+    near = [np.s_[y : y + height, x : x + width] for y in range(3) for x in range(3)]
+    return sum(total[part] for part in near) / np.maximum(sum(count[part] for part in near), 1.0)

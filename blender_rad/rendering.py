@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from .cameras import CameraRays, camera_rays, view_depth
 from .direct import DirectLight
 from .errors import RadError
-from .film import Film
+from .film import Film, neighbourhood_mean
 from .rays import Hits
 from .sampling import MAX_POINTS, points
 from .scene import Camera, Scene, Unsupported
@@ -228,21 +228,12 @@ class _Run:
         if np.mean(ratio) <= error**2:
             return np.zeros(len(mean), dtype=np.int64), 1.0
         taken = self.sums.taken[0]
-        one_round = np.sqrt(self._smoothed(ratio.mean(axis=1) * taken))
+        spread = self._framed(ratio.mean(axis=1) * taken)
+        one_round = np.sqrt(neighbourhood_mean(spread, self.inside).reshape(-1)[self.place])
         wanted = one_round * (np.mean(one_round) / error**2)
         wanted = np.clip(np.ceil(wanted), taken, np.minimum(np.ceil(GROWTH * taken), MAX_POINTS))
         share = min(1.0, float(error**2 / np.mean(ratio)))
         return wanted.astype(np.int64) - taken, share
-
-    def _smoothed(self, values: Floats) -> Floats:
-        """Return `values` (n,) averaged over the 3×3 neighbourhood of each pixel."""
-        width, height = self.scene.resolution
-        rows, columns = np.divmod(self.place, width)
-        frame = np.zeros((2, height + 2, width + 2))  # values and counts, with a rim of zeros
-        frame[:, rows + 1, columns + 1] = values, np.ones(len(values))
-        near = [(y, x) for y in range(3) for x in range(3)]
-        total = np.sum([frame[:, rows + y, columns + x] for y, x in near], axis=0)
-        return np.asarray(total[0] / total[1])
 
     def _round(
         self, pool: ThreadPoolExecutor, rows: Ints, streams: int, share: tuple[float, float]

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""EXR files: our passes out, and anybody's picture in."""
+
+from __future__ import annotations
+
+import json
+import os
+import unicodedata
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .atomic import atomic_path
+from .errors import RadError
+from .film import Film
+from .scene import Scene
+
+Pixels = NDArray[np.float32]
+
+PASSES = ("Irradiance", "Illuminance", "Luminance", "StandardError", "Depth", "Normal")
+_LONGEST_NAME = 200  # bytes; EXR's limit is 255 for the whole channel
+
+
+def channel_names(names: Iterable[str]) -> dict[str, str]:
+    """Return the part of a channel's name that stands for each of `names`, all different.
+
+    `.` and control characters become `_`; where that makes two names alike, later ones get a
+    suffix.
+    """
+    result: dict[str, str] = {}
+    for name in names:
+        safe = "".join("_" if c == "." or unicodedata.category(c) == "Cc" else c for c in name)
+        safe = safe.encode("utf-8")[:_LONGEST_NAME].decode("utf-8", "ignore") or "_"
+        unique, number = safe, 1
+        while unique in result.values():
+            number += 1
+            unique = f"{safe}_{number}"
+        result[name] = unique
+    return result
+
+
+def film_channels(
+    film: Film, scene: Scene, efficacy_lm_W: float, passes: Iterable[str]
+) -> dict[str, NDArray[Any]]:
+    """Return the channels of CONTRACT's `render`, each (h, w), that `passes` ask for.
+
+    Parameters
+    ----------
+    passes : of `PASSES`, and ``Light.<name>``.
+    """
+    weights = efficacy_lm_W * np.array(scene.luminance_weights)
+    layers = channel_names(film.lights)
+    channels = _triple("", "RGB", film.radiance) | {"A": film.alpha}
+    makers: dict[str, Any] = {
+        "Irradiance": lambda: _triple("Irradiance.", "RGB", film.irradiance),
+        "Illuminance": lambda: {"Illuminance.V": film.irradiance @ weights},
+        "Luminance": lambda: {"Luminance.V": film.radiance @ weights},
+        "StandardError": lambda: _triple("StandardError.", "RGB", film.standard_error),
+        "Depth": lambda: {"Depth.V": film.depth},
+        "Normal": lambda: _triple("Normal.", "XYZ", film.normal),
+    }
+    for name in passes:
+        if name in makers:
+            channels |= makers[name]()
+        else:
+            light = name.removeprefix("Light.")
+            channels |= _triple(f"Light.{layers[light]}.", "RGB", film.lights[light])
+    return channels
+
+
+def _triple(prefix: str, letters: str, image: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    return {prefix + letter: image[..., k] for k, letter in enumerate(letters)}
+
+
+def film_header(film: Film, scene: Scene, efficacy_lm_W: float) -> dict[str, Any]:
+    """Return header attributes that say what the pixels mean."""
+    from . import __version__
+
+    return {
+        "chromaticities": tuple(scene.chromaticities),
+        "software": f"blender-rad {__version__}",
+        "sceneHash": scene.sha256,
+        "model": scene.model,
+        "shading": scene.shading,
+        "efficacy_lm_W": float(efficacy_lm_W),
+        "samplesPerPixel": float(np.mean(film.samples[film.inside])) if film.inside.any() else 0.0,
+        "lightNames": json.dumps({v: k for k, v in channel_names(film.lights).items()}),
+    }
+
+
+def write_exr(
+    path: str | os.PathLike[str],
+    channels: Mapping[str, NDArray[Any]],
+    header: Mapping[str, Any] | None = None,
+) -> None:
+    """Write float32 channels (h, w) to `path`, which appears whole or not at all."""
+    import OpenEXR
+
+    attributes: dict[str, Any] = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        **(header or {}),
+    }
+    data = {name: np.ascontiguousarray(v, dtype=np.float32) for name, v in channels.items()}
+    with atomic_path(path) as temporary, OpenEXR.File(attributes, data) as file:
+        file.write(str(temporary))
+
+
+def read_picture(path: str | os.PathLike[str]) -> Pixels:
+    """Return the beauty pass (h, w, 3) of an EXR file, of ours or of Blender's.
+
+    Taken are the channels R, G, B, or those of the layer that ends in ``Combined``, in a file of
+    one or of many parts.
+
+    Raises
+    ------
+    RadError
+        When the file cannot be read or holds no such picture.
+    """
+    planes = _read_planes(path)
+    groups: dict[str, dict[str, Pixels]] = {}
+    for name, plane in planes.items():
+        layer, _, letter = name.rpartition(".")
+        groups.setdefault(layer, {})[letter] = plane
+    complete = [layer for layer, group in groups.items() if set("RGB") <= set(group)]
+    for layer in sorted(complete, key=lambda name: (name != "", not name.endswith("Combined"))):
+        if layer == "" or layer.endswith("Combined"):
+            return np.stack([groups[layer][letter] for letter in "RGB"], axis=-1)
+    found = ", ".join(sorted(planes))[:200]
+    raise RadError("no picture in it", os.fspath(path), f"expected channels R, G, B; has {found}")
+
+
+def _read_planes(path: str | os.PathLike[str]) -> dict[str, Pixels]:
+    import OpenEXR
+
+    if not os.path.isfile(path):
+        raise RadError("no such file", os.fspath(path), "expected an EXR picture")
+    try:
+        with OpenEXR.File(os.fspath(path), separate_channels=True) as file:
+            return {
+                _full_name(part, name): np.array(channel.pixels, dtype=np.float32)
+                for part in file.parts
+                for name, channel in part.channels.items()
+            }
+    except RuntimeError as error:
+        raise RadError("not a readable EXR file", os.fspath(path), f"reader says: {error}") from None
+
+
+def _full_name(part: Any, channel: str) -> str:
+    """Return a channel's name with its part's, unless it says it already (Blender 5)."""
+    name = part.header.get("name", "")
+    return channel if not name or channel.startswith(name) else f"{name}.{channel}"
