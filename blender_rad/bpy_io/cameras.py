@@ -17,6 +17,7 @@ def view_plane(
     size: tuple[float, float],
     fit: str,
     sensor: tuple[float, float],
+    *,
     lens: float | None,
     scale: float,
     shift: tuple[float, float],
@@ -40,7 +41,7 @@ def view_plane(
 
     Examples
     --------
-    >>> view_plane((2, 1), "AUTO", (36, 24), 18.0, 0.0, (0.0, 0.0))
+    >>> view_plane((2, 1), "AUTO", (36, 24), lens=18.0, scale=0.0, shift=(0.0, 0.0))
     (-1.0, 1.0, -0.5, 0.5)
     """
     width, height = size
@@ -68,9 +69,9 @@ def read_camera(bl_object: Any, render: Any, resolution: tuple[int, int]) -> Cam
         (resolution[0] * render.pixel_aspect_x, resolution[1] * render.pixel_aspect_y),
         camera.sensor_fit,
         (camera.sensor_width, camera.sensor_height),
-        None if kind == "orthographic" else camera.lens,
-        camera.ortho_scale,
-        (camera.shift_x, camera.shift_y),
+        lens=None if kind == "orthographic" else camera.lens,
+        scale=camera.ortho_scale,
+        shift=(camera.shift_x, camera.shift_y),
     )
     records = tuple(Unsupported("camera", name, f) for f in _features(camera, render))
     return Camera(name, kind, world, plane, (camera.clip_start, camera.clip_end), records)

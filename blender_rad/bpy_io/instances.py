@@ -21,6 +21,7 @@ from .materials import Shading, Surface, clay, full, surface_of
 from .meshes import box_mesh, read_mesh
 
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
+Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 _RAYS = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
@@ -68,47 +69,64 @@ class Reader:
         self._material_index: dict[Any, int] = {}
         self._surfaces: dict[int, Surface] = {}
         self._facts_of: dict[Any, _Facts] = {}
+        self._templates: dict[Any, list[Instance]] = {}  # what an object gives, not yet placed
+        self._placed: list[tuple[Instance, Any]] = []
         self._apart: set[int] = set()  # meshes whose normals Cycles leaves in object space
 
     def read(self) -> None:
         """Go through all instances of the depsgraph."""
         for item in self.depsgraph.object_instances:
             self._read_instance(item)
-        users = Counter(i.mesh for i in self.instances)
-        self.instances = [
-            replace(i, normals_in_world=users[i.mesh] == 1 and i.mesh not in self._apart)
-            for i in self.instances
-        ]
+        self._place()
         self.findings = list(dict.fromkeys(self.findings))
         self.unsupported = list(dict.fromkeys(self.unsupported))
 
     def _read_instance(self, item: Any) -> None:
         shown, real = item.object, item.instance_object if item.is_instance else item.object
+        parent = item.parent if item.is_instance else shown
         data = shown.data
-        if not isinstance(data, bpy.types.Mesh | bpy.types.Light) and shown.type not in _PROXIES:
+        if isinstance(data, bpy.types.Light):
+            facts = self._facts(shown, real, parent)
+            if item.show_self and any(facts.visible.values()):
+                self._read_light(shown, facts, matrix(item.matrix_world))
             return
-        facts = self._facts(shown, real, item.parent if item.is_instance else shown)
-        if not any(facts.visible.values()):
+        if not isinstance(data, bpy.types.Mesh) and shown.type not in _PROXIES:
             return
-        world = matrix(item.matrix_world)
-        if not np.isfinite(world).all():
-            self._left_out(facts.name, "its position is not finite")
-        elif isinstance(data, bpy.types.Light):
-            if item.show_self:
-                self._read_light(shown, facts, world)
-        else:
-            self._read_geometry(item, shown, real, facts, world)
+        key = (real.as_pointer(), parent.as_pointer(), data.as_pointer())
+        if key not in self._templates:
+            self._templates[key] = self._geometry(item, self._facts(shown, real, parent))
+        for template in self._templates[key]:
+            self._placed.append((template, tuple(map(tuple, item.matrix_world))))
 
-    def _read_geometry(
-        self, item: Any, shown: Any, real: Any, facts: _Facts, world: NDArray[np.float64]
-    ) -> None:
+    def _place(self) -> None:
+        """Put the templates where they stand; what stands nowhere is left out."""
+        worlds = np.array([world for _, world in self._placed], dtype=np.float64).reshape(-1, 4, 4)
+        users = Counter(template.mesh for template, _ in self._placed)
+        finite = np.isfinite(worlds).all(axis=(1, 2))
+        for (template, _), world, good in zip(self._placed, worlds, finite, strict=True):
+            if good:
+                alone = users[template.mesh] == 1 and template.mesh not in self._apart
+                self.instances.append(
+                    replace(template, world_from_object=world, normals_in_world=alone)
+                )
+            else:
+                self._left_out(template.name, "its position is not finite")
+
+    def _geometry(self, item: Any, facts: _Facts) -> list[Instance]:
+        """Return what an object shows: itself, and its particle hair."""
+        shown = item.object
+        real = item.instance_object if item.is_instance else shown
+        if not any(facts.visible.values()):
+            return []
+        found: list[Instance | None] = []
         if item.show_self and shown.type in _PROXIES:
-            self._add_proxy(shown, facts, world, _PROXIES[shown.type], *_bounds(shown))
+            found.append(self._proxy(shown, facts, _PROXIES[shown.type], _bounds(shown)))
         elif item.show_self:
-            self._add_mesh(shown, real, facts, world)
+            found.append(self._mesh_instance(shown, real, facts))
         hair = _hair_bounds(shown) if item.show_particles else None
         if hair is not None:
-            self._add_proxy(shown, facts, world, "Particle hair", *hair)
+            found.append(self._proxy(shown, facts, "Particle hair", hair))
+        return [instance for instance in found if instance is not None]
 
     def _facts(self, shown: Any, real: Any, parent: Any) -> _Facts:
         key = (real.as_pointer(), parent.as_pointer())
@@ -149,21 +167,20 @@ class Reader:
         twin = library and original.name in self._twins
         return f"{library.name}/{original.name}" if twin else original.name
 
-    def _add_mesh(self, shown: Any, real: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
-        """Add an instance of a mesh; one mesh for every geometry that Cycles keeps apart."""
+    def _mesh_instance(self, shown: Any, real: Any, facts: _Facts) -> Instance | None:
+        """Return an instance of a mesh; one mesh for every geometry that Cycles keeps apart."""
         own = shown.data == real.data
         key = real.as_pointer() if own and facts.modified else shown.data.as_pointer()
         if key not in self._mesh_index:
             self._mesh_index[key] = self._new_mesh(shown.data, facts)
         index = self._mesh_index[key]
         if index is None:
-            return
+            return None
         surfaces = self._slot_surfaces(shown, int(self.meshes[index].slots.max()) + 1)
-        if self.shading == "full" and any(s.subsurface or s.displaced for s in surfaces):
+        moved = self.shading == "full" and any(s.subsurface or s.displaced for s in surfaces)
+        if moved or "Adaptive subdivision" in facts.features:
             self._apart.add(index)
-        if "Adaptive subdivision" in facts.features:
-            self._apart.add(index)
-        self._add_instance(shown, facts, world, index, surfaces)
+        return self._instance(shown, facts, index, surfaces)
 
     def _new_mesh(self, bl_mesh: Any, facts: _Facts) -> int | None:
         mesh, left_out = read_mesh(bl_mesh)
@@ -191,28 +208,20 @@ class Reader:
                 self.findings.append(Finding("clay-opaque", "warning", surface.name, message))
         return self._surfaces[key]
 
-    def _add_instance(
-        self,
-        shown: Any,
-        facts: _Facts,
-        world: NDArray[np.float64],
-        mesh: int,
-        surfaces: list[Surface],
-        proxy: bool = False,
-    ) -> None:
-        self.instances.append(
-            Instance(
-                name=facts.name,
-                mesh=mesh,
-                world_from_object=world,
-                materials=tuple(self._material(s, facts, proxy) for s in surfaces),
-                visible_camera=facts.visible["camera"],
-                visible_shadow=facts.visible["shadow"],
-                visible_diffuse=facts.visible["diffuse"],
-                terminator_geometry_offset=shown.shadow_terminator_geometry_offset,
-                terminator_shading_offset=shown.shadow_terminator_shading_offset,
-                proxy=proxy,
-            )
+    def _instance(
+        self, shown: Any, facts: _Facts, mesh: int, surfaces: list[Surface], *, proxy: bool = False
+    ) -> Instance:
+        return Instance(
+            name=facts.name,
+            mesh=mesh,
+            world_from_object=np.eye(4),
+            materials=tuple(self._material(s, facts, proxy) for s in surfaces),
+            visible_camera=facts.visible["camera"],
+            visible_shadow=facts.visible["shadow"],
+            visible_diffuse=facts.visible["diffuse"],
+            terminator_geometry_offset=shown.shadow_terminator_geometry_offset,
+            terminator_shading_offset=shown.shadow_terminator_shading_offset,
+            proxy=proxy,
         )
 
     def _material(self, surface: Surface, facts: _Facts, proxy: bool) -> int:
@@ -241,22 +250,17 @@ class Reader:
             unsupported=material.unsupported + records,
         )
 
-    def _add_proxy(
-        self,
-        shown: Any,
-        facts: _Facts,
-        world: NDArray[np.float64],
-        feature: str,
-        low: NDArray[np.float64],
-        high: NDArray[np.float64],
-    ) -> None:
-        """Add the bounding box of something that cannot be read."""
-        self.meshes.append(box_mesh(f"{facts.name} ({feature})", low, high))
+    def _proxy(self, shown: Any, facts: _Facts, feature: str, bounds: Bounds) -> Instance:
+        """Return the bounding box of something that cannot be read."""
+        self.meshes.append(box_mesh(f"{facts.name} ({feature})", *bounds))
         facts = replace(facts, features=(*facts.features, feature), transparent=True)
         surface = self._surface(next((s.material for s in shown.material_slots), None))
-        self._add_instance(shown, facts, world, len(self.meshes) - 1, [surface], proxy=True)
+        return self._instance(shown, facts, len(self.meshes) - 1, [surface], proxy=True)
 
     def _read_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
+        if not np.isfinite(world).all():
+            self._left_out(facts.name, "its position is not finite")
+            return
         if shown.data.cycles.is_portal and shown.data.type == "AREA":
             return  # a portal guides the world's light and gives none
         feature = light_feature(shown) or ("Light linking" if facts.linked else None)
@@ -275,7 +279,14 @@ class Reader:
     def _add_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
         version = tuple(bpy.app.version)
         camera = facts.visible["camera"]
-        record = light_record(shown, facts.name, world, self.unit_scale_m, version, camera)
+        record = light_record(
+            shown,
+            facts.name,
+            world,
+            unit_scale_m=self.unit_scale_m,
+            version=version,
+            visible_camera=camera,
+        )
         numbers = [v for v in record.properties.values() if isinstance(v, float)]
         if not np.isfinite(numbers).all():
             self._left_out(facts.name, "its energy or size is not finite")
@@ -307,12 +318,12 @@ def _culled(shown: Any, scene: Any) -> bool:
     return bool(by_camera or (scene.cycles.use_distance_cull and shown.cycles.use_distance_cull))
 
 
-def _bounds(shown: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounds(shown: Any) -> Bounds:
     corners = np.array([tuple(corner) for corner in shown.bound_box], dtype=np.float64)
     return corners.min(axis=0), corners.max(axis=0)
 
 
-def _hair_bounds(shown: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _hair_bounds(shown: Any) -> Bounds | None:
     """Return a box around the object's particle hair with its children, None without hair."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for system in shown.particle_systems:

@@ -19,6 +19,7 @@ def light_record(
     bl_object: Any,
     name: str,
     world_from_light: NDArray[Any],
+    *,
     unit_scale_m: float,
     version: tuple[int, int, int],
     visible_camera: bool,

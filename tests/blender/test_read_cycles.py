@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras and shading normals as read, against Cycles' Position and Normal passes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+
+from blender_rad.bpy_io.read import read_scene  # noqa: E402
+from blender_rad.scene import Scene  # noqa: E402
+
+from .reading import SQUARE, add, camera, cycles_passes, empty_scene, polygons  # noqa: E402
+from .reading import shading_normals, sphere  # noqa: E402
+
+PIXEL = 0.02  # Cycles' own rays stray by 0.007 pixel within its narrowest filter
+NORMAL = 2e-3  # normals are packed into 32 bits in Blender 5.2
+
+CAMERAS = {
+    "auto": {},
+    "horizontal": {"sensor_fit": 'HORIZONTAL', "sensor_height": 12},
+    "vertical": {"sensor_fit": 'VERTICAL', "sensor_height": 20},
+    "shift": {"shift_x": 0.13, "shift_y": -0.21},
+    "vertical-shift": {"sensor_fit": 'VERTICAL', "shift_x": 0.13, "shift_y": -0.21},
+    "field-of-view": {"lens_unit": 'FOV', "angle": 0.7},
+    "orthographic": {"type": 'ORTHO', "ortho_scale": 5, "shift_x": 0.1, "shift_y": 0.05},
+    "orthographic-vertical": {"type": 'ORTHO', "ortho_scale": 3, "sensor_fit": 'VERTICAL'},
+}
+FRAMES = {
+    "wide": (48, 30, 1, 1),
+    "tall": (30, 48, 1, 1),
+    "aspect": (40, 40, 1.7, 1),
+    "aspect-tall": (50, 30, 1, 2),
+}
+
+
+def frame(width: int, height: int, aspect_x: float, aspect_y: float, percent: int = 100) -> None:
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = width, height
+    render.pixel_aspect_x, render.pixel_aspect_y = aspect_x, aspect_y
+    render.resolution_percentage = percent
+
+
+def pixels_of(scene: Scene, points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return where (n, 3) points appear, (n, 2) in pixels from the lower left."""
+    assert scene.camera is not None
+    local = (points - scene.camera.world_from_camera[:3, 3]) @ scene.camera.world_from_camera[:3, :3]
+    if scene.camera.kind == "perspective":
+        local = local / -local[:, 2:]
+    left, right, bottom, top = scene.camera.plane
+    x = (local[:, 0] - left) / (right - left) * scene.resolution[0]
+    y = (local[:, 1] - bottom) / (top - bottom) * scene.resolution[1]
+    return np.stack([x, y], axis=-1)
+
+
+def strayed(scene: Scene, path: Path) -> np.ndarray[Any, Any]:
+    """Return how far Cycles' hits appear from its pixels' centres, in pixels."""
+    passes = cycles_passes(path)
+    rows, columns = np.nonzero(np.isfinite(passes["Depth"]) & (passes["Depth"] < 1e9))
+    assert len(rows) > 200
+    seen = pixels_of(scene, passes["Position"][rows, columns])
+    centres = np.stack([columns + 0.5, scene.resolution[1] - rows - 0.5], axis=-1)
+    return np.abs(seen - centres).max(axis=1)
+
+
+@pytest.mark.parametrize("size", FRAMES)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_pixels_of_cycles_lie_on_our_rays(kind: str, size: str, tmp_path: Path) -> None:
+    empty_scene()
+    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
+    placed = camera(**CAMERAS[kind])
+    placed.scale = (2, 0.5, 3)
+    frame(*FRAMES[size])
+    scene = read_scene(bpy.context.scene)
+    assert strayed(scene, tmp_path).max() < PIXEL
+
+
+def test_resolution_percentage_cuts_pixels(tmp_path: Path) -> None:
+    empty_scene()
+    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
+    camera()
+    frame(101, 67, 1, 1, 33)
+    scene = read_scene(bpy.context.scene)
+    assert scene.resolution == (33, 22)
+    assert cycles_passes(tmp_path)["Depth"].shape == (22, 33)
+
+
+@pytest.mark.parametrize("crop", [False, True])
+def test_border_is_what_cycles_renders(crop: bool, tmp_path: Path) -> None:
+    empty_scene()
+    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
+    camera()
+    frame(60, 40, 1, 1)
+    render = bpy.context.scene.render
+    render.use_border, render.use_crop_to_border = True, crop
+    render.border_min_x, render.border_max_x = 0.21, 0.66
+    render.border_min_y, render.border_max_y = 0.33, 0.71
+    scene = read_scene(bpy.context.scene)
+    assert scene.border is not None
+    x0, y0, x1, y1 = scene.border
+    seen = np.abs(cycles_passes(tmp_path)["Position"]).max(axis=-1) > 0
+    if crop:
+        assert seen.shape == (y1 - y0, x1 - x0)
+    else:
+        expected = np.zeros((40, 60), bool)
+        expected[40 - y1 : 40 - y0, x0:x1] = True
+        assert (seen == expected).all()
+
+
+SCALES = {
+    "plain": (1, 1, 1),
+    "squashed": (2.0, 1.0, 0.4),
+    "mirrored": (-1.5, 1.0, 0.5),
+    "turned-out": (-1, -1, -0.6),
+}
+
+
+def normal_errors(scene: Scene, path: Path, name: str) -> np.ndarray[Any, Any]:
+    """Return the difference between Cycles' normals and ours on one object."""
+    passes = cycles_passes(path)
+    hit = np.isfinite(passes["Depth"]) & (passes["Depth"] < 1e9)
+    position, normal = passes["Position"][hit], passes["Normal"][hit]
+    instance = next(i for i in scene.instances if i.name == name)
+    mine = np.linalg.norm(position - instance.world_from_object[:3, 3], axis=1) < 2.5
+    position, normal = position[mine], normal[mine]
+    assert len(position) > 200
+    ours, facing = shading_normals(scene.meshes[instance.mesh], instance, position)
+    assert scene.camera is not None
+    away = np.sum(facing * (position - scene.camera.world_from_camera[:3, 3]), axis=1) > 0
+    ours[away] *= -1
+    return np.abs(ours - normal).max(axis=1)
+
+
+@pytest.mark.parametrize("users", [1, 2])
+@pytest.mark.parametrize("scale", SCALES)
+def test_normals_are_moved_as_cycles_moves_them(scale: str, users: int, tmp_path: Path) -> None:
+    empty_scene()
+    mesh = sphere("Sphere")
+    add("One", mesh, scale=SCALES[scale], rotation_euler=(0.3, 0.4, 0.1))
+    if users == 2:
+        add("Two", mesh, location=(0, 0, -40), scale=(1, 2, 1))
+    camera()
+    frame(48, 36, 1, 1)
+    scene = read_scene(bpy.context.scene)
+    assert scene.instances[0].normals_in_world == (users == 1)
+    errors = normal_errors(scene, tmp_path, "One")
+    assert np.quantile(errors, 0.99) < NORMAL
+
+
+def test_the_two_ways_of_moving_normals_differ(tmp_path: Path) -> None:
+    """The test above could not fail if both rules gave the same normals."""
+    from dataclasses import replace
+
+    empty_scene()
+    add("One", sphere("Sphere"), scale=(2, 1, 0.4), rotation_euler=(0.3, 0.4, 0.1))
+    camera()
+    frame(48, 36, 1, 1)
+    scene = read_scene(bpy.context.scene)
+    wrong = tuple(replace(i, normals_in_world=not i.normals_in_world) for i in scene.instances)
+    errors = normal_errors(replace(scene, instances=wrong), tmp_path, "One")
+    assert np.quantile(errors, 0.5) > 3 * NORMAL
+
+
+def sharp_edges(mesh: Any) -> None:
+    mesh.attributes.new("sharp_edge", 'BOOLEAN', 'EDGE')
+    for edge in mesh.edges:
+        edge.use_edge_sharp = edge.index % 3 == 0
+
+
+def sharp_faces(mesh: Any) -> None:
+    for face in mesh.polygons:
+        face.use_smooth = face.index % 4 != 0
+
+
+def custom_normals(mesh: Any) -> None:
+    rng = np.random.default_rng(3)
+    normals = np.array([tuple(v.normal) for v in mesh.vertices])
+    normals = normals + 0.3 * rng.normal(size=normals.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    mesh.normals_split_custom_set_from_vertices(normals.tolist())
+
+
+def custom_corners(mesh: Any) -> None:
+    rng = np.random.default_rng(4)
+    base = np.array([tuple(n.vector) for n in mesh.corner_normals])
+    normals = base + 0.3 * rng.normal(size=base.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    mesh.normals_split_custom_set(normals.tolist())
+
+
+@pytest.mark.parametrize("users", [1, 2])
+@pytest.mark.parametrize("change", [sharp_edges, sharp_faces, custom_normals, custom_corners])
+def test_normals_of_divided_meshes_are_those_of_cycles(
+    change: Any, users: int, tmp_path: Path
+) -> None:
+    empty_scene()
+    mesh = sphere("Sphere")
+    change(mesh)
+    add("One", mesh, scale=(1.5, 1, 0.7))
+    if users == 2:
+        add("Two", mesh, location=(0, 0, -40))
+    camera()
+    frame(48, 36, 1, 1)
+    errors = normal_errors(read_scene(bpy.context.scene), tmp_path, "One")
+    assert np.quantile(errors, 0.99) < NORMAL
