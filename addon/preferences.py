@@ -10,7 +10,7 @@ from ..blender_rad import __version__
 class RADIOMETRIC_AP_preferences(bpy.types.AddonPreferences):
     """Tells which version runs, and how to check a file."""
 
-    bl_idname = root_package
+    bl_idname = str(root_package)
 
     def draw(self, context: bpy.types.Context) -> None:
         column = self.layout.column()
@@ -19,4 +19,6 @@ class RADIOMETRIC_AP_preferences(bpy.types.AddonPreferences):
         column.label(text=f"blender-rad check \"{bpy.data.filepath or 'FILE.blend'}\"")
 
 
-register, unregister = bpy.utils.register_classes_factory((RADIOMETRIC_AP_preferences,))
+register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - it returns a pair
+    (RADIOMETRIC_AP_preferences,)
+)

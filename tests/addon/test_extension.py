@@ -17,7 +17,8 @@ pytestmark = pytest.mark.blender
 
 ROOT = Path(__file__).parents[2]
 ENABLE_LIMIT_S = 0.2  # promised: an artist does not wait for an add-on
-HEAVY = {"numpy", "OpenEXR", "colour", "embreex", "jinja2", "matplotlib", "scipy", "tqdm"}
+# Not NumPy: Blender loads that itself.
+HEAVY = {"OpenEXR", "colour", "embreex", "jinja2", "matplotlib", "scipy", "tqdm"}
 
 
 def builder() -> Path:
