@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The open scene in clay, for Cycles: the materials that `read_material` reads, built."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..scene import CLAY_ALBEDO, Material
+from . import nodes
+from .materials import read_material
+
+_NAME = "Clay"
+
+
+def make_clay() -> None:
+    """Turn all materials to clay in place, and give bare surfaces one.
+
+    Node trees are replaced rather than slots, so that linked materials and those that geometry
+    nodes set turn as well. View layers may override materials: the override turns like the rest.
+    """
+    for bl_material in bpy.data.materials:
+        if not bl_material.is_grease_pencil:
+            _rebuild(bl_material, read_material(bl_material, "clay"))
+    bare = bpy.data.materials.new(_NAME)
+    _rebuild(bare, Material(_NAME, albedo=(CLAY_ALBEDO,) * 3))
+    for bl_object in bpy.data.objects:
+        _cover(bl_object, bare)
+
+
+def _rebuild(bl_material: Any, clay: Material) -> None:
+    """Make `bl_material` shade as `clay`; emission that is not known stays as it is, opaque."""
+    if not nodes.uses_nodes(bl_material):
+        bl_material.use_nodes = True
+    tree = bl_material.node_tree
+    output = tree.get_output_node('CYCLES') or tree.nodes.new('ShaderNodeOutputMaterial')
+    stale = {"Volume", "Displacement"} | ({"Surface"} if clay.emission_known else set())
+    bl_material.use_transparent_shadow = False
+    for link in [link for link in tree.links if link.to_node == output]:
+        if link.to_socket.name in stale:
+            tree.links.remove(link)
+    if clay.emission_known:
+        _shade(tree, output.inputs["Surface"], clay)
+
+
+def _shade(tree: Any, surface: Any, clay: Material) -> None:
+    """Link Lambert reflection and emission, as far as `clay` has them, to `surface`."""
+    closures: list[Any] = []
+    if any(clay.albedo):
+        diffuse = tree.nodes.new('ShaderNodeBsdfDiffuse')
+        diffuse.inputs["Color"].default_value = (*clay.albedo, 1.0)
+        diffuse.inputs["Roughness"].default_value = 0.0
+        closures.append(diffuse)
+    if clay.emits:
+        emission = tree.nodes.new('ShaderNodeEmission')
+        emission.inputs["Color"].default_value = (*clay.emission, 1.0)
+        emission.inputs["Strength"].default_value = 1.0
+        closures.append(emission)
+    while len(closures) > 1:
+        add = tree.nodes.new('ShaderNodeAddShader')
+        tree.links.new(closures.pop().outputs[0], add.inputs[0])
+        tree.links.new(closures.pop().outputs[0], add.inputs[1])
+        closures.append(add)
+    for closure in closures:
+        tree.links.new(closure.outputs[0], surface)
+
+
+def _cover(bl_object: Any, bare: Any) -> None:
+    """Put `bare` where the object's surface has no material."""
+    materials = getattr(bl_object.data, "materials", None)
+    if materials is None:
+        return
+    if not len(materials):
+        materials.append(bare)
+    for index, slot in enumerate(bl_object.material_slots):
+        if slot.material is None and slot.link == 'OBJECT':
+            slot.material = bare
+        elif slot.material is None:
+            materials[index] = bare
