@@ -6,9 +6,10 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 T = TypeVar("T")
+Entry = TypeVar("Entry")
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -27,13 +28,13 @@ class Registry(Mapping[str, T], Generic[T]):
         self._entries: dict[str, T] = {}
         self._loaded = False
 
-    def register(self, key: str) -> Callable[[T], T]:
+    def register(self, key: str) -> Callable[[Entry], Entry]:
         """Return a decorator that enters its object under `key`; a key taken twice raises."""
 
-        def enter(entry: T) -> T:
+        def enter(entry: Entry) -> Entry:
             if key in self._entries:
                 raise KeyError(f"{self._kind} {key!r} is registered twice")
-            self._entries[key] = entry
+            self._entries[key] = cast("T", entry)
             return entry
 
         return enter

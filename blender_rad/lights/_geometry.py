@@ -8,8 +8,11 @@ clipped away: E = ∫ max(n·ω, 0) dω over the shape. Arrays of points are (n,
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._base import Array
+
+Mask = NDArray[np.bool_]
 
 TINY = 1e-300  # keeps 0/0 out where a point lies exactly on a light; the results stay 0
 NEWTON_STEP = 1e-12  # relative; Newton squares it, so that the error left is rounding

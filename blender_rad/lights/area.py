@@ -45,6 +45,7 @@ import numpy as np
 from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample, Model
 from ._emission import casts_shadow, stated_emission
+from ._geometry import Mask
 
 FULL_SPREAD = np.pi - 1e-6  # π in single precision counts as π
 SERIES_BELOW = 0.05  # [rad] where Cycles takes tan h - h as h³/3
@@ -122,14 +123,14 @@ class AreaLight(Light):
             return axes / np.sum(axes**2, axis=1, keepdims=True)
         return np.linalg.pinv(axes.T)
 
-    def _within(self, offset: Array) -> Array:
+    def _within(self, offset: Array) -> Mask:
         """Return whether offsets (n, 3) from the centre are inside the outline, (n,)."""
         s, t = self._dual @ offset.T
         if self.ellipse:
             return s * s + t * t <= 0.25
         return np.maximum(np.abs(s), np.abs(t)) <= 0.5
 
-    def _hit(self, origins: Array, directions: Array) -> tuple[Array, Array, Array]:
+    def _hit(self, origins: Array, directions: Array) -> tuple[Array, Array, Mask]:
         """Return distance (n,), cosine at the light (n,) and whether rays hit its face (n,)."""
         cos = -geometry.dot(directions, self.direction)
         height = geometry.dot(origins - self.center, self.direction)

@@ -89,8 +89,8 @@ class MeshLight(Light):
     def _nearest(self, origins: Array, directions: Array) -> Array:
         """Return the distance (n,) of the first triangle on each ray, by Cramer's rule.
 
-        o + t d = a + s e + q f, with N = e × f, h = (a - o) × d: t = N·(a-o)/N·d, s = -h·f/N·d,
-        q = h·e/N·d.
+        o + t d = a + s e + q f, with N = e × f, h = (a - o) × d: t = N·(a-o)/N·d, s = h·f/N·d,
+        q = -h·e/N·d.
         """
         a = self.triangles[:, 0]
         e, f = self.triangles[:, 1] - a, self.triangles[:, 2] - a
@@ -98,8 +98,8 @@ class MeshLight(Light):
         parallel = slope == 0.0
         slope[parallel] = 1.0
         turn = np.cross(a - origins[:, None], directions[:, None])
-        s = -np.einsum("nmi,mi->nm", turn, f) / slope
-        q = np.einsum("nmi,mi->nm", turn, e) / slope
+        s = np.einsum("nmi,mi->nm", turn, f) / slope
+        q = -np.einsum("nmi,mi->nm", turn, e) / slope
         t = (np.sum(self._normals * a, axis=1) - origins @ self._normals.T) / slope
         hit = (s >= 0.0) & (q >= 0.0) & (s + q <= 1.0) & (t > 0.0) & ~parallel
         return np.min(np.where(hit, t, np.inf), axis=1)

@@ -14,8 +14,8 @@ Blender property    unit                    meaning
 =================== ======================= ====================================================
 
 Derivation. A sphere of radiance L emits Φ = πL · 4πr², so L = Φ/(4π²r²), and I = Φ/4π. The disc
-has the radiance of that sphere; it spans a cone of sin²a = r²/(d²+r²), the sphere one of r²/d². Either
-is a cone of uniform radiance, whose irradiance `cap_irradiance` gives with its horizon:
+has the radiance of that sphere; it spans a cone of sin²a = r²/(d²+r²), the sphere one of r²/d².
+Either is a cone of uniform radiance, whose irradiance `cap_irradiance` gives with its horizon:
 E = Φ cos θ/(4π(d²+r²)) and Φ cos θ/(4πd²) where nothing is cut. Inside the sphere E = πL; the disc
 knows no inside. Measured in Blender 4.5 and 5.2. An object scale of zero does not darken a point.
 
@@ -32,6 +32,7 @@ import numpy as np
 from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample, Model
 from ._emission import casts_shadow, stated_emission
+from ._geometry import Mask
 
 
 @LIGHTS.register("POINT")
@@ -62,7 +63,7 @@ class PointLight(Light):
             return 1.0 / (4.0 * np.pi)
         return 1.0 / (4.0 * np.pi**2 * self.radius**2)
 
-    def _falloff(self, directions: Array, inside: Array) -> Array:
+    def _falloff(self, directions: Array, inside: Mask) -> Array:
         """Return the factor (n,) on rays that arrive from `directions`; a spot has a cone."""
         return np.ones(len(directions))
 
@@ -71,7 +72,7 @@ class PointLight(Light):
         r2 = self.radius**2
         return r2 / (squared + r2) if self.soft_falloff else np.minimum(r2 / squared, 1.0)
 
-    def _inside(self, squared: Array) -> Array:
+    def _inside(self, squared: Array) -> Mask:
         """Return whether points at a squared distance are in the sphere, (n,)."""
         return squared < (0.0 if self.soft_falloff else self.radius**2)
 

@@ -31,12 +31,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 
 from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, Model
+from ._geometry import Mask
 from .point import PointLight, common_fields
 
 ORTHOGONAL = 1e-6  # largest cosine between axes of a transform that counts as unsheared
@@ -82,7 +83,7 @@ class SpotLight(PointLight):
         t = np.clip((cos - self.cos_half_angle) / width, 0.0, 1.0)
         return t * t * (3.0 - 2.0 * t)
 
-    def _falloff(self, directions: Array, inside: Array) -> Array:
+    def _falloff(self, directions: Array, inside: Mask) -> Array:
         local = directions @ self.light_from_world.T
         length = np.sqrt(np.maximum(geometry.dot(local, local), geometry.TINY))
         return np.where(inside, 1.0, self._ramp(local[:, 2] / length))
@@ -113,7 +114,8 @@ class SpotLight(PointLight):
         return np.where(lit, whole, np.where(dark, 0.0, np.nan))
 
     def radiant_flux(self) -> Array:
-        nodes, weights = np.polynomial.legendre.leggauss(64)
+        rule = np.polynomial.legendre.leggauss(64)  # pyright: ignore[reportUnknownMemberType]
+        nodes, weights = cast("tuple[Array, Array]", rule)
         c = self.cos_half_angle
         edges = np.array([c, c + (1.0 - c) * self.blend, 1.0])
         span = np.diff(edges)
@@ -142,10 +144,10 @@ class SpotLight(PointLight):
     @classmethod
     def examples(cls) -> list[Light]:
         white, place = np.array([3.0, 2.0, 1.0]), np.array([0.2, -0.1, 1.5])
-        turned = np.array([[0.8, 0.0, -0.6], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]])
-        scaled = np.diag([1.0, 2.0, 0.5])
-        sheared = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.2], [0.1, 0.0, 1.0]])
-        spots = [
+        turned: Array = np.array([[0.8, 0.0, -0.6], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]])
+        scaled: Array = np.diag([1.0, 2.0, 0.5])
+        sheared: Array = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.2], [0.1, 0.0, 1.0]])
+        spots: list[tuple[str, Array, float, float, bool]] = [
             ("spot", turned, 0.0, 0.15, False),
             ("hard", turned, 0.0, 0.0, False),
             ("scaled", scaled @ turned, 0.0, 1.0, False),
