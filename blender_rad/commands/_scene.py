@@ -5,10 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from . import _values as values
 from ._base import Command, option
+
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 NAMED = ", ".join(values.EFFICACIES_LM_W)
 
@@ -45,6 +48,19 @@ class SceneCommand(Command):
         metavar="NAME|NUMBER",
     )
 
+    def open(self, file: Path, frame: int | None, *, need_camera: bool) -> Any:
+        """Open `file` as the options say and return its bpy.types.Scene."""
+        from ..bpy_io.open import open_scene
+
+        return open_scene(
+            file,
+            frame=frame,
+            camera=self.camera,
+            scene=self.scene,
+            view_layer=self.view_layer,
+            need_camera=need_camera,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class PictureCommand(SceneCommand):
@@ -72,3 +88,12 @@ class PictureCommand(SceneCommand):
         metavar="cycles|physical",
     )
     threads: int | None = option(values.integer(1), "processors to use (default: all)", metavar="N")
+
+    def read(self, frame: int | None, *, need_camera: bool) -> tuple[Any, Scene]:
+        """Open the file and return its bpy.types.Scene, and what we read from it."""
+        from ..bpy_io.read import read_scene
+
+        bl_scene = self.open(self.file, frame, need_camera=need_camera)
+        return bl_scene, read_scene(
+            bl_scene, shading=self.shading, model=self.model, resolution=self.resolution
+        )

@@ -3,13 +3,26 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from ..atomic import atomic_path
+from ..errors import RadError
+from ..strict_json import dumps
 from . import _values as values
 from ._base import Outcome, option
 from ._scene import PictureCommand
+
+if TYPE_CHECKING:
+    from ..bpy_io.witness import CyclesWitness
+    from ..checking import Check, Result, Terms
+    from ..scene import Scene
+
+SCHEMA = 1
+CODES = {"agree": 0, "undecided": 3, "differ": 1}  # exit codes, from the best to the worst
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,4 +85,148 @@ class CheckOptions(PictureCommand, verb="check"):
         self.require("exposure", "render")
 
     def run(self) -> Outcome:
-        raise NotImplementedError
+        if unknown := set(self.against) - {"cycles"}:
+            listed = ", ".join(sorted(unknown))
+            raise RadError(f"no such witness yet: {listed}", "--against", "expected cycles")
+        if self.frames is None:
+            return _outcome(self._one(self.frame, self.report))
+        first, last = self.frames
+        documents = [self._one(frame, self._folder(frame)) for frame in range(first, last + 1)]
+        verdict = worst(document["verdict"] for document in documents)
+        whole = {"schema": SCHEMA, "verdict": verdict, "frames": documents}
+        if self.report:
+            _write_text(self.report / "report.json", dumps(whole))
+        text = "\n".join(f"frame {d['scene']['frame']}: {d['verdict']}" for d in documents)
+        return Outcome(whole, text, CODES[verdict])
+
+    def _folder(self, frame: int) -> Path | None:
+        return self.report and self.report / f"frame_{frame:04d}"
+
+    def _one(self, frame: int | None, folder: Path | None) -> dict[str, Any]:
+        """Compare one frame, write its report, and return its document."""
+        from ..checking import Check
+        from ..report.document import build_document
+
+        started = time.perf_counter()
+        bl_scene, scene = self.read(frame, need_camera=True)
+        read = time.perf_counter() - started
+        check = Check(scene, self._terms())
+        witness, result = self._compare(check, bl_scene, scene)
+        document = build_document(
+            scene,
+            result,
+            check.terms,
+            efficacy_lm_W=self.efficacy,
+            witness_name="pictures" if self.render else "Cycles",
+            overridden=witness.overridden if witness else {},
+            seconds={"read": read},
+        )
+        if folder:
+            self._write(folder, document, scene, result)
+        return document
+
+    def _terms(self) -> Terms:
+        from ..checking import Terms
+
+        return Terms(
+            tolerance=self.tolerance,
+            confidence=self.confidence,
+            samples=self.samples,
+            threads=self.threads,
+            film_exposure=self.exposure,
+        )
+
+    def _compare(
+        self, check: Check, bl_scene: Any, scene: Scene
+    ) -> tuple[CyclesWitness | None, Result]:
+        """Return the witness, None where its pictures existed, and the comparison with it."""
+        import numpy as np
+
+        from ..exr import read_picture
+
+        if self.render:
+            return None, check.against_pictures(np.stack([read_picture(p) for p in self.render]))
+        from ..bpy_io.witness import CyclesWitness
+
+        resolution = self.resolution
+        if self.witness_scene is not None:
+            bl_scene = self.open(self.witness_scene, scene.frame, need_camera=True)
+            resolution = scene.resolution
+        witness = CyclesWitness(
+            bl_scene,
+            resolution=resolution,
+            shading=self.shading,
+            settings=self.witness_settings,
+            threads=self.threads,
+        )
+        witness.prepare()
+        own = bl_scene.cycles.samples if self.witness_settings == "file" else None
+        return witness, check.against(witness, self.samples or own)
+
+    def _write(
+        self, folder: Path, document: dict[str, Any], scene: Scene, result: Result
+    ) -> None:
+        """Write the five files; `report.json` last, so that where it is, all are."""
+        from ..exr import PASSES, film_channels, film_header, write_exr
+        from ..report import ReportData, write_report
+
+        started = time.perf_counter()
+        folder.mkdir(parents=True, exist_ok=True)
+        film, header = result.film, film_header(result.film, scene, self.efficacy)
+        passes = (*PASSES, *(f"Light.{name}" for name in film.lights))
+        write_exr(folder / "ours.exr", film_channels(film, scene, self.efficacy, passes), header)
+        write_exr(folder / "cycles.exr", _rgb(result.witness), header)
+        write_exr(folder / "difference.exr", _rgb(result.witness - film.radiance), header)
+        data = ReportData(
+            document=document,
+            ours=film.radiance,
+            witness=result.witness,
+            excluded=film.excluded,
+            inside=film.inside,
+            variance_ours=film.variance,
+            variance_witness=result.witness_variance,
+            luminance_weights=scene.luminance_weights,
+            efficacy_lm_W=self.efficacy,
+            chromaticities=scene.chromaticities,
+            witness_name="the picture" if self.render else "Cycles",
+        )
+        write_report(folder / "report.html", data)
+        document["seconds"]["report"] = time.perf_counter() - started
+        _write_text(folder / "report.json", dumps(document))
+
+
+def worst(verdicts: Iterable[str]) -> str:
+    """Return the verdict that counts for several comparisons."""
+    return max(verdicts, key=list(CODES).index)
+
+
+def _rgb(image: Any) -> dict[str, Any]:
+    return {letter: image[..., k] for k, letter in enumerate("RGB")}
+
+
+def _write_text(path: Path, text: str) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _outcome(document: dict[str, Any]) -> Outcome:
+    return Outcome(document, _table(document), CODES[document["verdict"]])
+
+
+def _table(document: dict[str, Any]) -> str:
+    """Return the verdict and the lights as a short table."""
+    lines = [document["verdict"], ""]
+    width = max((len(light["name"]) for light in document["lights"]), default=5)
+    lines.append(f"{'light':{width}}  {'type':5}  share  in witness       verdict")
+    for light in document["lights"]:
+        factor, error = light["scale_in_witness"], light["standard_error"]
+        known = "-" if factor is None else f"{factor:.4f} ± {error:.4f}"
+        share = f"{100 * light['energy_fraction']:4.1f} %"
+        verdict = " ".join(filter(None, [light["verdict"], light["diagnosis"]]))
+        lines.append(f"{light['name']:{width}}  {light['type']:5}  {share}  {known:15}  {verdict}")
+    fraction = document["coverage"]["supported_pixel_fraction"]
+    lines += ["", f"{100 * fraction:.1f} % of the picture is compared"]
+    for finding in document["findings"]:
+        about = f" {finding['object']}:" if finding["object"] else ""
+        lines.append(f"{finding['severity']}:{about} {finding['message']}")
+    return "\n".join(lines)

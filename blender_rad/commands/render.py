@@ -3,12 +3,19 @@
 
 from __future__ import annotations
 
+import itertools
+import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from ..errors import unknown_name
 from . import _values as values
 from ._base import Outcome, option
 from ._scene import PictureCommand
+
+if TYPE_CHECKING:
+    from ..film import Film
 
 DEFAULT_ERROR = 0.01
 
@@ -52,4 +59,64 @@ class RenderOptions(PictureCommand, verb="render"):
             object.__setattr__(self, "error", DEFAULT_ERROR)
 
     def run(self) -> Outcome:
-        raise NotImplementedError
+        from ..exr import film_channels, film_header, write_exr
+        from ..progress import bar
+        from ..rendering import Settings, render
+        from ..report.document import coverage
+
+        clock = [time.perf_counter()]
+        _, scene = self.read(self.frame, need_camera=True)
+        clock.append(time.perf_counter())
+        settings = Settings(
+            samples=self.samples,
+            error=self.error or DEFAULT_ERROR,
+            per_light=self._wants_lights(),
+            threads=self.threads,
+            time_limit=self.time_limit,
+        )
+        with bar("render") as progress:
+            film = render(scene, settings, progress=progress)
+        clock.append(time.perf_counter())
+        channels = film_channels(film, scene, self.efficacy, self._layers(film))
+        write_exr(self.output, channels, film_header(film, scene, self.efficacy))
+        clock.append(time.perf_counter())
+        read, rendered, written = (b - a for a, b in itertools.pairwise(clock))
+        document = {
+            "output": str(self.output),
+            "samples_per_pixel": float(film.samples[film.inside].mean()),
+            "relative_standard_error": film.relative_standard_error,
+            "coverage": coverage(film),
+            "findings": list(film.findings),
+            "efficacy_lm_W": self.efficacy,
+            "model": self.model,
+            "seconds": {"read": read, "render": rendered, "write": written},
+        }
+        return Outcome(document, _text(document))
+
+    def _wants_lights(self) -> bool:
+        return any(name == "all" or name.startswith("Light.") for name in self.passes or ())
+
+    def _layers(self, film: Film) -> tuple[str, ...]:
+        """Return the layers asked for, after checking that there are such."""
+        from ..exr import PASSES
+
+        lights = [f"Light.{name}" for name in film.lights]
+        if self.passes is None:
+            return PASSES
+        if "all" in self.passes:
+            return (*PASSES, *lights)
+        for name in self.passes:
+            if name not in (*PASSES, *lights):
+                raise unknown_name("layer", name, "--passes", ["all", *PASSES, *lights])
+        return self.passes
+
+
+def _text(document: dict[str, Any]) -> str:
+    error = document["relative_standard_error"]
+    fraction = 100 * document["coverage"]["supported_pixel_fraction"]
+    lines = [
+        f"{document['output']}: {document['samples_per_pixel']:.1f} samples a pixel, "
+        f"relative standard error {100 * error:.2g} %, {fraction:.1f} % of the picture supported"
+    ]
+    lines += [f"{f.severity}: {f.object} {f.message}" for f in document["findings"]]
+    return "\n".join(lines)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One comparison from start to end: our film, the witness's pictures, the verdict.
+
+Neither side sees the other: the witness is a function from a seed to a picture. While the verdict
+is open, samples are bought from the side whose noise keeps it open, up to a budget.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compare import Comparison, LightInfo, judge, judge_pictures
+from .emitters import emitters
+from .film import Film
+from .progress import bar
+from .rendering import Settings, render
+from .scene import Scene
+
+Pictures = NDArray[np.float32]
+
+FIRST_SEEDS = 8
+FIRST_SAMPLES = 64  # a pixel and seed of the witness
+FIRST_ERROR = 0.02  # relative standard error of our film
+MAX_SEEDS = 64
+MAX_ROUNDS = 4
+
+
+class Witness(Protocol):
+    """Somebody else's picture of the same view."""
+
+    def render(
+        self, seed: int, samples: int, progress: Callable[[float], None] | None = None
+    ) -> NDArray[np.float32]:
+        """Return (h, w, 4) radiance and alpha, row 0 at the top; seeds are independent."""
+        ...
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What is asked of a comparison.
+
+    Attributes
+    ----------
+    samples : a pixel on our side, and a pixel and seed on the witness's; None buys until decided.
+    film_exposure : of the pictures, where it is not 1.
+    """
+
+    tolerance: float = 0.01
+    confidence: float = 0.99
+    samples: int | None = None
+    threads: int | None = None
+    film_exposure: float | None = None
+
+
+@dataclass
+class Result:
+    """A verdict with the pictures that it rests on.
+
+    Attributes
+    ----------
+    pictures : (s, h, w, 3) of the witness, a seed or a file each.
+    witness_samples : a pixel and seed, None for pictures that existed.
+    seconds : by step.
+    """
+
+    film: Film
+    pictures: Pictures
+    comparison: Comparison
+    witness_samples: int | None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def witness(self) -> NDArray[np.float64]:
+        """The witness's mean picture (h, w, 3)."""
+        return np.asarray(self.pictures.mean(axis=0, dtype=np.float64))
+
+    @property
+    def witness_variance(self) -> NDArray[np.float64] | None:
+        """Variance (h, w, 3) of the mean picture, None with one picture."""
+        count = len(self.pictures)
+        if count < 2:
+            return None
+        return np.asarray(self.pictures.var(axis=0, ddof=1, dtype=np.float64) / count)
+
+
+def light_rows(scene: Scene) -> list[LightInfo]:
+    """Return the rows of the light table: name, type and count of each emitting object."""
+    found, _ = emitters(scene)
+    kinds = {e.light.name: e.light.kind for e in found if e.cause is None}
+    native = [light.name for light in scene.lights]
+    placed = [instance.name for instance in scene.instances]
+    return [
+        LightInfo(name, kind, max((placed if kind == "MESH" else native).count(name), 1))
+        for name, kind in kinds.items()
+    ]
+
+
+class _Clock:
+    """Adds up the seconds spent on each step."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, step: str, work: Callable[[], Any]) -> Any:
+        start = time.perf_counter()
+        try:
+            return work()
+        finally:
+            spent = time.perf_counter() - start
+            self.seconds[step] = self.seconds.get(step, 0.0) + spent
+
+
+class Check:
+    """A comparison of our picture of `scene` with a witness's."""
+
+    def __init__(self, scene: Scene, terms: Terms) -> None:
+        self.scene, self.terms = scene, terms
+        self._clock = _Clock()
+        self._settings = Settings(
+            samples=terms.samples, error=FIRST_ERROR, threads=terms.threads, per_light=True
+        )
+        self.film: Film = self._clock("ours", self._render_ours)
+
+    def _render_ours(self, scene: Scene | None = None) -> Film:
+        with bar("ours") as progress:
+            return render(scene or self.scene, self._settings, progress=progress)
+
+    def against_pictures(self, pictures: Pictures) -> Result:
+        """Judge pictures (k, h, w, 3) that exist."""
+        pictures = pictures / np.float32(self.terms.film_exposure or 1.0)
+
+        comparison = self._decide(partial(judge_pictures, self.film, pictures))
+        return Result(self.film, pictures, comparison, None, self._clock.seconds)
+
+    def against(self, witness: Witness, samples: int | None = None) -> Result:
+        """Judge a witness that can be asked for more; `samples` a pixel and seed if it is fixed."""
+        each = samples or self.terms.samples or FIRST_SAMPLES
+        pictures = self._ask_witness(witness, range(1, FIRST_SEEDS + 1), each)
+        for round_index in range(MAX_ROUNDS):
+            judged = partial(judge, self.film, pictures, round_index=round_index)
+            comparison = self._decide(judged)
+            more = self._seeds_wanted(comparison, len(pictures))
+            if self.terms.samples is not None or not more or round_index == MAX_ROUNDS - 1:
+                break
+            if comparison.our_noise_share > 0.5:
+                self._improve_ours(comparison)
+            else:
+                seeds = range(len(pictures) + 1, len(pictures) + more + 1)
+                pictures = np.concatenate([pictures, self._ask_witness(witness, seeds, each)])
+        return Result(self.film, pictures, comparison, each, self._clock.seconds)
+
+    def _decide(self, judged: Callable[..., Comparison]) -> Comparison:
+        """Return the judgment; where it differs, knowing the pictures that causes would make."""
+        known = partial(
+            judged,
+            lights=light_rows(self.scene),
+            tolerance=self.terms.tolerance,
+            confidence=self.terms.confidence,
+            unit_scale_m=self.scene.unit_scale_m,
+            film_exposure=self.terms.film_exposure,
+        )
+        comparison: Comparison = self._clock("compare", known)
+        if comparison.verdict != "differ":
+            return comparison
+        alternatives = self._clock("ours", self._alternatives)
+        return self._clock("compare", partial(known, alternatives=alternatives))
+
+    def _alternatives(self) -> dict[str, dict[str, Any]]:
+        """Return the layers that lights with a radius would have with the other fall-off."""
+        switched = {
+            light.name: replace(light, soft_falloff=not light.soft_falloff)  # type: ignore[call-arg]
+            for light in self.scene.lights
+            if getattr(light, "radius", 0.0) > 0.0
+        }
+        if not switched:
+            return {}
+        lights = tuple(switched.get(light.name, light) for light in self.scene.lights)
+        film = self._render_ours(replace(self.scene, lights=lights))
+        return {name: {"soft-falloff": film.lights[name]} for name in switched}
+
+    def _seeds_wanted(self, comparison: Comparison, have: int) -> int:
+        """Return how many seeds to add, or 1 where it is our samples that are wanted."""
+        if comparison.verdict != "undecided" or comparison.needed_factor is None:
+            return 0
+        if comparison.our_noise_share > 0.5:
+            return 1
+        wanted = math.ceil(have * min(comparison.needed_factor, 8.0))
+        return max(0, min(MAX_SEEDS, max(wanted, have + 2)) - have)
+
+    def _improve_ours(self, comparison: Comparison) -> None:
+        better = self._settings.error / math.sqrt(2.0 * (comparison.needed_factor or 1.0))
+        self._settings = replace(self._settings, error=max(better, self._settings.error / 8.0))
+        self.film = self._clock("ours", self._render_ours)
+
+    def _ask_witness(self, witness: Witness, seeds: Sequence[int], samples: int) -> Pictures:
+        def work() -> Pictures:
+            pictures: list[Pictures] = []
+            with bar("witness") as progress:
+                for number, seed in enumerate(seeds):
+
+                    def part(share: float, done: int = number) -> None:
+                        progress((done + share) / len(seeds))
+
+                    pictures.append(witness.render(seed, samples, part)[..., :3])
+            return np.stack(pictures)
+
+        return self._clock("cycles", work)

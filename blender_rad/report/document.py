@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The dict of `report.json`: everything that was found, in CONTRACT's schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..checking import Result, Terms
+from ..film import Film
+from ..scene import Scene
+from ..strict_json import plain
+
+SCHEMA = 1
+
+
+def build_document(
+    scene: Scene,
+    result: Result,
+    terms: Terms,
+    *,
+    efficacy_lm_W: float,  # noqa: N803 - the unit's own spelling
+    witness_name: str,
+    overridden: Mapping[str, tuple[Any, Any]],
+    seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    """Return the document of one comparison.
+
+    Parameters
+    ----------
+    overridden : the witness's settings that were not the file's: name to (file's, used).
+    seconds : by step, beyond those in `result`.
+    """
+    film, judged = result.film, result.comparison.to_json()
+    findings = [*plain(list(film.findings)), *judged.pop("findings")]
+    inside = film.inside
+    per_witness = {key: judged[key] for key in ("verdict", "pixels", "metrics", "lights")}
+    spent = {"read": 0.0, "ours": 0.0, "cycles": 0.0, "compare": 0.0, "report": 0.0}
+    document = {
+        "schema": SCHEMA,
+        "verdict": judged["verdict"],
+        "scene": {
+            "file": scene.file,
+            "sha256": scene.sha256,
+            "frame": scene.frame,
+            "camera": scene.camera.name if scene.camera else None,
+            "resolution": list(scene.resolution),
+            "unit_scale_m": scene.unit_scale_m,
+        },
+        "versions": versions(scene),
+        "settings": {
+            "tolerance": terms.tolerance,
+            "confidence": terms.confidence,
+            "model": scene.model,
+            "shading": scene.shading,
+            "efficacy_lm_W": efficacy_lm_W,
+            "samples": float(np.mean(film.samples[inside])) if inside.any() else 0.0,
+            "cycles_samples": result.witness_samples,
+            "cycles_seeds": len(result.pictures) if result.witness_samples else None,
+            "overridden": {
+                name: {"file": before, "used": used} for name, (before, used) in overridden.items()
+            },
+        },
+        **{key: judged[key] for key in ("pixels", "metrics", "lights")},
+        "coverage": coverage(film),
+        "findings": findings,
+        "witnesses": [{"name": witness_name, **per_witness}],
+        "seconds": spent | result.seconds | dict(seconds),
+    }
+    return plain(_readable(document))
+
+
+def coverage(film: Film) -> dict[str, Any]:
+    """Return which share of the picture the estimator can do, and what left the rest out."""
+    total = int(film.inside.sum())
+    supported = 1.0 - int((film.excluded & film.inside).sum()) / total if total else 0.0
+    causes = sorted(film.excluded_by.items(), key=lambda item: -item[1])
+    return {
+        "supported_pixel_fraction": supported,
+        "unsupported": [
+            {"kind": cause.kind, "name": cause.name, "feature": cause.feature, "pixels": pixels}
+            for cause, pixels in causes
+        ],
+    }
+
+
+def versions(scene: Scene) -> dict[str, str]:
+    """Return the versions of everything that the numbers depend on."""
+    from .. import __version__
+    from ..rays import embree_version
+
+    return {
+        "blender_rad": __version__,
+        "blender": ".".join(str(part) for part in scene.blender_version),
+        "numpy": np.__version__,
+        "embree": embree_version(),
+    }
+
+
+def _readable(value: Any) -> Any:
+    """Return `value` with what JSON has no word for (Blender's own types) as text."""
+    if isinstance(value, dict):
+        return {key: _readable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_readable(item) for item in value]
+    return value if value is None or isinstance(value, (str, int, float, bool)) else str(value)
