@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from .factors import Problem
 from .pools import Array, Estimates, Mask, Pools
 from .result import MIN_ENERGY
-from .statistics import holm, p_equivalent, p_outside, t_quantile
+from .statistics import critical_value, holm, p_equivalent, p_outside, t_quantile
 
 TILE_TOLERANCES = 5.0
 LIGHTS_LEVEL, LEVEL = 1.0 / 2.0, 1.0 / 6.0
@@ -128,7 +128,7 @@ def foretell(claims: Claims, alpha: float) -> tuple[float, float]:
     alpha = 0.5 * alpha  # of the next round
     size, df = np.abs(claims.delta), float(claims.df[open_].min())
     gap = np.maximum(np.abs(size - claims.tolerance), np.minimum(claims.tolerance, claims.error))
-    t = float(t_quantile(alpha, df))
+    t = critical_value(alpha, df)
     needed = SAFETY * (t * claims.error / gap) ** 2
     clear = size - claims.tolerance > 2.0 * claims.error
     if clear.any():

@@ -16,6 +16,7 @@ import numpy as np
 from .pools import CELLS_A_TILE, Array, Cells, Estimates, Pools, block_sums, estimate
 
 MAX_INFLATION = 400.0  # a factor 20 times noisier than alone would take 400 times the samples
+TANGLED = 0.9  # partial correlation of factors, beyond which all join at once
 _RIDGE = 1e-9
 
 
@@ -83,7 +84,8 @@ def find_groups(layers: Array, weight: Array, variance: Array) -> list[list[int]
     """Return which `layers` (j, p) belong together because no fit could tell them apart.
 
     While a light's variance inflation (that of its factor, over what it would be if the light were
-    alone) exceeds `MAX_INFLATION`, it joins the light that its factor depends on most. Noise in our
+    alone) exceeds `MAX_INFLATION`, it joins those that its factor depends on most, by the partial
+    correlation of the factors: one, or all of a sum that cannot be taken apart. Noise in our
     own layers makes equal ones look different: two of relative variance ε have an inflation of
     1/(2ε), so the limit falls to half of that.
     """
@@ -99,11 +101,11 @@ def find_groups(layers: Array, weight: Array, variance: Array) -> list[list[int]
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
             break
-        partial = np.abs(inverse[worst]) / np.sqrt(np.diag(inverse))
-        partial[worst] = -1.0
-        partner = int(np.argmax(partial))
-        first, second = sorted((worst, partner))
-        groups[first] = sorted(groups[first] + groups.pop(second))
+        partial = np.abs(inverse[worst]) / np.sqrt(np.diag(inverse) * inverse[worst, worst])
+        partial[worst] = 0.0
+        joined = (partial >= min(partial.max(), TANGLED)) | (np.arange(len(groups)) == worst)
+        merged = sorted(j for g in np.flatnonzero(joined) for j in groups[g])
+        groups = sorted([merged, *(g for g, in_ in zip(groups, joined, strict=True) if not in_)])
     return groups
 
 

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Finding
+from ..strict_json import plain
 
 Verdict = Literal["agree", "differ", "undecided"]
 
@@ -88,18 +88,5 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         """Return `verdict`, `pixels`, `metrics`, `lights` and `findings`; null where not finite."""
-        return _finite({
-            "verdict": self.verdict,
-            "pixels": asdict(self.pixels),
-            "metrics": self.metrics,
-            "lights": [asdict(light) for light in self.lights],
-            "findings": [asdict(finding) for finding in self.findings],
-        })
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+        names = ("verdict", "pixels", "metrics", "lights", "findings")
+        return plain({name: getattr(self, name) for name in names})

@@ -41,7 +41,7 @@ from .result import (
     PixelCounts,
     Verdict,
 )
-from .statistics import t_quantile
+from .statistics import critical_value
 
 MIN_SUPPORTED = 0.5
 Layers = Mapping[str, Mapping[str, Picture]]
@@ -80,7 +80,7 @@ def judge(
     """
     if len(seeds) < 2:
         raise RadError(f"{len(seeds)} seeds", "judge", "expected at least 2: they show the noise")
-    compared, findings = _support(film, seeds)
+    seeds, compared, findings = _support(film, seeds)
     return _judge(_Job(
         film, seeds, compared, findings, cells_from_seeds(film, seeds, compared), lights, tolerance,
         alpha=(1.0 - confidence) / 2.0 ** (round_index + 1), may_agree=True,
@@ -107,7 +107,7 @@ def judge_pictures(
     """
     if len(pictures) < 1:
         raise RadError("no picture", "judge_pictures", "expected at least one")
-    compared, findings = _support(film, pictures)
+    pictures, compared, findings = _support(film, pictures)
     cells = split_in_space(cells_from_seeds(film, pictures, compared))
     copies = all(np.array_equal(pictures[0], other, equal_nan=True) for other in pictures[1:])
     return _judge(_Job(
@@ -152,8 +152,8 @@ def _clues(
     return Clues(flat, unit_scale_m, film_exposure)
 
 
-def _support(film: Film, seeds: Picture) -> tuple[Mask, list[Finding]]:
-    """Return which pixels can be compared, (h, w), and findings if they are too few."""
+def _support(film: Film, seeds: Picture) -> tuple[Picture, Mask, list[Finding]]:
+    """Return the pictures without what is not finite, which pixels can be compared, and findings."""
     if seeds.shape[1:] != film.radiance.shape:
         expected = f"expected ours, {film.radiance.shape}"
         raise RadError(f"pictures of shape {seeds.shape[1:]}", "witness", expected)
@@ -163,6 +163,7 @@ def _support(film: Film, seeds: Picture) -> tuple[Mask, list[Finding]]:
     findings: list[Finding] = []
     broken = int((film.inside & ~finite).sum())
     if broken:
+        seeds = np.where(finite[..., None], seeds, 0.0)
         findings.append(Finding(
             "not-finite", "warning", "", f"{broken} pixels are not finite and are left out"
         ))
@@ -173,7 +174,7 @@ def _support(film: Film, seeds: Picture) -> tuple[Mask, list[Finding]]:
             "coverage-low", "warning", "",
             f"only {100 * fraction:.1f} % of the lit pixels can be compared, 50 % are needed",
         ))
-    return compared, findings
+    return seeds, compared, findings
 
 
 def _judge(job: _Job) -> Comparison:
@@ -292,7 +293,7 @@ def _classify(job: _Job, mean: Array, pools: Pools) -> NDArray[np.uint8]:
     scale = np.maximum(np.abs(ours), DARK * pools.frame_scale)
     floor = (FLOAT32_ROUNDING * scale) ** 2
     error = np.sqrt(np.maximum(squares / (count * (count - 1)), floor) + job.film.variance)
-    reach = float(t_quantile(job.alpha, count - 1.0)) * error
+    reach = critical_value(job.alpha, count - 1.0) * error
     size, tolerance = np.abs(mean - ours), TILE_TOLERANCES * job.tolerance * scale
     classes[job.compared & (size + reach <= tolerance).all(axis=2)] = AGREE
     classes[job.compared & (size - reach > tolerance).any(axis=2)] = DIFFER

@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The verdict: how often it errs, how often it finds, and what it does at the edges."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blender_rad.compare import judge, judge_pictures
+from blender_rad.compare.result import AGREE, DIFFER, EXCLUDED
+from blender_rad.errors import RadError
+from tests.unit.compare_simulation import H, W, Witness, film_of, infos, layer, room
+
+# The measured total energy of 160×120 pixels is known to 7e-5 with 8 seeds of 64 samples; these
+# pictures are 2.5 times smaller each way, so their pixels are that much quieter.
+QUIET = 0.024
+ALPHA = 0.01
+
+
+def verdicts(rng, film, witness, repeats, **options):
+    lights = infos(film.lights)
+    return Counter(
+        judge(film, witness.seeds(rng), lights=lights, **options).verdict for _ in range(repeats)
+    )
+
+
+def at_most(chance, repeats):
+    return chance * repeats + 3.0 * np.sqrt(chance * (1.0 - chance) * repeats)
+
+
+def scaled(layers, name, factor):
+    return {n: v * (factor if n == name else 1.0) for n, v in layers.items()}
+
+
+def with_tile(layers, factor, row=0, column=2):
+    spot = np.ones((H, W, 1))
+    spot[16 * row : 16 * row + 16, 16 * column : 16 * column + 16] = factor
+    return {n: v * spot for n, v in layers.items()}
+
+
+@pytest.mark.parametrize('tail', [0.0, 0.4])
+def test_equal_scenes_never_differ(tail):
+    rng, layers = np.random.default_rng(1), room()
+    found = verdicts(rng, film_of(layers), Witness(layers, tail=tail), 120, tolerance=1e-4)
+    assert found['differ'] <= at_most(ALPHA, 120)
+
+
+@pytest.mark.parametrize(('name', 'factor'), [('Key', 1.01), ('Fill', 0.99), ('Small', 1.01)])
+def test_a_light_at_the_very_tolerance_is_a_false_alarm_and_a_false_agreement_rarely(name, factor):
+    rng, layers, repeats = np.random.default_rng(2), room(), 80
+    witness = Witness(scaled(layers, name, factor), QUIET, tail=0.3)
+    found = verdicts(rng, film_of(layers), witness, repeats)
+    assert found['differ'] <= at_most(ALPHA, repeats)
+    assert found['agree'] <= at_most(ALPHA, repeats)
+
+
+@pytest.mark.parametrize('factor', [1.05, 0.95])
+def test_a_tile_at_the_very_tolerance_is_a_false_alarm_rarely(factor):
+    """One dim tile: what it does to the lights' factors stays well inside their tolerance."""
+    rng, layers, repeats = np.random.default_rng(3), {'Sky': room()['Sky']}, 80
+    witness = Witness(with_tile(layers, factor), 0.2, tail=0.3)
+    found = verdicts(rng, film_of(layers), witness, repeats)
+    assert found['differ'] <= at_most(ALPHA, repeats)
+    assert found['agree'] <= at_most(ALPHA, repeats)
+
+
+def decide(rng, film, witness, rounds=5):
+    """Buy seeds until decided, as `check` does."""
+    seeds = witness.seeds(rng)
+    for index in range(rounds):
+        found = judge(film, seeds, lights=infos(film.lights), round_index=index)
+        if found.verdict != 'undecided':
+            return found, len(seeds)
+        more = int(np.ceil(len(seeds) * (min(found.needed_factor, 8.0) - 1.0)))
+        seeds = np.concatenate([seeds, witness.seeds(rng, more)])
+    return found, len(seeds)
+
+
+def test_twice_the_tolerance_on_a_light_of_over_one_percent_is_found():
+    rng, layers, repeats = np.random.default_rng(4), room(), 40
+    film = film_of(layers)
+    witness = Witness(scaled(layers, 'Small', 1.02), QUIET)
+    assert 0.01 < layers['Small'].sum() / film.radiance.sum() < 0.02
+    found = [decide(rng, film, witness) for _ in range(repeats)]
+    assert all(comparison.verdict == 'differ' for comparison, _ in found)
+    assert all(comparison.lights[3].verdict == 'differ' for comparison, _ in found)
+    assert np.median([count for _, count in found]) <= 32
+
+
+def test_equal_scenes_agree_in_the_usual_case():
+    rng, layers = np.random.default_rng(5), room()
+    found = [decide(rng, film_of(layers), Witness(layers, QUIET)) for _ in range(30)]
+    assert all(comparison.verdict == 'agree' for comparison, _ in found)
+    assert np.median([count for _, count in found]) <= 16
+
+
+def test_a_tile_ten_percent_off_differs_and_the_lights_are_cleared():
+    rng, layers = np.random.default_rng(6), room()
+    witness = Witness(with_tile(layers, 1.10), QUIET)
+    found = judge(film_of(layers), witness.seeds(rng, 16), lights=infos(layers))
+    assert found.verdict == 'differ'
+    assert {f.code for f in found.findings} == {'tiles-differ', 'extra-light'}
+    assert '(32, 0)' in found.findings[-1].message
+    assert all(light.verdict != 'differ' for light in found.lights)
+
+
+def test_a_shift_of_colour_alone_differs():
+    rng, layers = np.random.default_rng(7), room()
+    weights = np.array([0.2126390, 0.7151687, 0.0721923])
+    shift = np.array([1.03, 1.0, 1.0])
+    shift[1] = 1.0 - 0.03 * weights[0] * 1.0 / (weights[1] * 0.9)
+    other = {**layers, 'Key': layers['Key'] * shift}
+    assert (other['Key'] @ weights).sum() == pytest.approx((layers['Key'] @ weights).sum())
+    found = judge(film_of(layers), Witness(other, QUIET).seeds(rng), lights=infos(layers))
+    assert found.verdict == 'differ'
+    assert found.lights[0].diagnosis == 'colour'
+    assert [light.verdict for light in found.lights[1:3]] == ['agree', 'agree']
+
+
+def test_coincident_lights_are_one_group_with_one_factor():
+    rng, layers = np.random.default_rng(8), room()
+    twins = {**layers, 'Twin': 0.5 * layers['Key']}
+    witness = Witness({**twins, 'Twin': 1.3 * twins['Twin']}, QUIET)
+    found = judge(film_of(twins), witness.seeds(rng), lights=infos(twins))
+    key, twin = found.lights[0], found.lights[-1]
+    assert key.group == twin.group == 'Key + Twin'
+    assert key.scale_in_witness == twin.scale_in_witness == pytest.approx(1.1, abs=2e-3)
+    assert key.energy_fraction == pytest.approx(2.0 * twin.energy_fraction)
+    assert [light.group for light in found.lights[1:4]] == [None] * 3
+    assert found.verdict == twin.verdict == 'differ'
+
+
+def test_a_light_a_hundred_times_brighter_does_not_drown_the_others():
+    rng, layers = np.random.default_rng(9), room()
+    bright = {**layers, 'Key': 100.0 * layers['Key']}
+    film = film_of(bright)
+    found = judge(film, Witness(bright, 0.002).seeds(rng), lights=infos(bright))
+    assert found.verdict == 'agree'
+    assert found.lights[3].energy_fraction < 0.01
+    assert found.lights[3].verdict == 'undecided'
+    assert sum(light.energy_fraction for light in found.lights) == pytest.approx(1.0)
+
+
+def test_an_excluded_half_is_left_out_and_more_than_half_is_undecided():
+    rng, layers = np.random.default_rng(10), {'Sky': room()['Sky']}
+    wrong = {'Sky': layers['Sky'].copy()}
+    wrong['Sky'][:, : W // 2 - 3] *= 3.0
+    seeds = Witness(wrong, 0.01).seeds(rng)
+    out = np.zeros((H, W), bool)
+    out[:, : W // 2 - 3] = True
+    found = judge(film_of(layers, excluded=out), seeds, lights=infos(layers))
+    assert found.verdict == 'agree'
+    assert found.pixels.excluded == out.sum()
+    assert found.pixels.compared == (~out).sum()
+    assert (found.pixel_classes[out] == EXCLUDED).all()
+    out[:, : W // 2 + 3] = True
+    found = judge(film_of(layers, excluded=out), seeds, lights=infos(layers))
+    assert found.verdict == 'undecided'
+    assert [f.code for f in found.findings] == ['coverage-low']
+    assert found.needed_factor is None
+
+
+@pytest.mark.parametrize('what', ['all excluded', 'all black', 'no lights'])
+def test_nothing_to_compare_is_undecided(what):
+    layers = {} if what == 'no lights' else {'Sky': room()['Sky'] * (what != 'all black')}
+    film = film_of(layers or {'Sky': np.zeros((H, W, 3))})
+    if what == 'no lights':
+        film = replace(film, lights={})
+    if what == 'all excluded':
+        film = replace(film, excluded=np.ones((H, W), bool))
+    found = judge(film, np.stack([film.radiance] * 3), lights=infos({'Sky': 0, 'Off': 0}))
+    assert found.verdict == 'undecided'
+    assert [f.code for f in found.findings] == ['nothing-compared']
+    assert [light.name for light in found.lights][:2] == ['Sky', 'Off']
+    assert json.loads(json.dumps(found.to_json()))['lights'][1]['scale_in_witness'] is None
+
+
+def test_lights_of_shadow_alone_black_ones_and_negative_ones_are_judged_or_left():
+    rng, layers = np.random.default_rng(11), room()
+    odd = {**layers, 'Dark': -0.3 * layer(40.0, 10.0, (1.0, 1.0, 1.0)), 'Black': 0 * layers['Sky']}
+    found = judge(film_of(odd), Witness(odd, 0.01).seeds(rng), lights=infos(odd))
+    assert found.verdict == 'agree'
+    dark, black = found.lights[-2:]
+    assert dark.verdict == 'agree'
+    assert dark.scale_in_witness == pytest.approx(1.0, abs=5e-3)
+    assert np.isnan(black.scale_in_witness)
+    other = {**odd, 'Dark': 1.1 * odd['Dark']}
+    found = judge(film_of(odd), Witness(other, 0.01).seeds(rng), lights=infos(odd))
+    assert found.lights[-2].verdict == 'differ'
+
+
+def test_two_seeds_decide_little_but_never_crash():
+    rng, layers = np.random.default_rng(12), room()
+    film = film_of(layers)
+    found = Counter(
+        judge(film, Witness(layers).seeds(rng, 2), lights=infos(layers)).verdict for _ in range(60)
+    )
+    assert found['differ'] == 0
+    assert found['undecided'] > 50
+
+
+def test_seeds_without_noise_are_certain_only_to_rounding():
+    layers = room()
+    film = film_of(layers)
+    same = np.stack([film.radiance] * 4)
+    found = judge(film, same, lights=infos(layers))
+    assert found.verdict == 'agree'
+    assert all(light.standard_error >= 1e-5 for light in found.lights)
+    assert found.pixels.agree == H * W
+    assert (found.pixel_classes == AGREE).all()
+    rounded = judge(film, same * (1.0 + 2e-6), lights=infos(layers), tolerance=1e-6)
+    assert rounded.verdict == 'undecided'
+    off = judge(film, same * 1.06, lights=infos(layers))
+    assert off.verdict == 'differ'
+    assert (off.pixel_classes == DIFFER).all()
+
+
+def test_noise_of_our_own_counts_and_is_named_as_what_to_buy():
+    rng, layers = np.random.default_rng(13), {'Sky': room()['Sky']}
+    relative = 2.0
+    ours = {'Sky': layers['Sky'] * (1.0 + relative * rng.normal(size=(H, W, 3)))}
+    film = film_of(ours, (relative * layers['Sky']) ** 2)
+    found = judge(film, Witness(layers, 0.01).seeds(rng), lights=infos(layers))
+    assert found.verdict == 'undecided'
+    assert found.our_noise_share > 0.9
+    assert found.needed_factor > 1.25
+
+
+def test_later_rounds_ask_for_more_evidence():
+    rng, layers = np.random.default_rng(14), room()
+    film, witness = film_of(layers), Witness(layers, QUIET)
+    agreed = [
+        sum(judge(film, s, lights=infos(layers), round_index=i).verdict == 'agree' for s in seeds)
+        for seeds in [[witness.seeds(rng) for _ in range(12)]] for i in (0, 9)
+    ]
+    assert agreed[0] > agreed[1]
+
+
+def test_partly_covered_tiles_are_pooled_and_slivers_are_left_to_the_frame():
+    rng, layers = np.random.default_rng(15), {'Sky': room()['Sky']}
+    other = {'Sky': layers['Sky'].copy()}
+    other['Sky'][:3, :4] *= 1.5
+    seeds = Witness(other, 0.01).seeds(rng)
+    for rows, columns, expected in [(3, 5, 'agree'), (3, 6, 'differ')]:
+        out = np.zeros((H, W), bool)
+        out[:16, :16] = True
+        out[:rows, :columns] = False
+        found = judge(film_of(layers, excluded=out), seeds, lights=infos(layers), tolerance=0.02)
+        assert found.verdict == expected
+
+
+def test_pixels_that_are_not_finite_are_left_out_with_a_finding():
+    rng, layers = np.random.default_rng(16), room()
+    seeds = Witness(layers, 0.01).seeds(rng)
+    seeds[3, 5, 7, 1] = np.nan
+    seeds[2, 9, 9, 0] = np.inf
+    found = judge(film_of(layers), seeds, lights=infos(layers))
+    assert found.verdict == 'agree'
+    assert [f.code for f in found.findings] == ['not-finite']
+    assert found.pixels.excluded == 2
+
+
+def test_wrong_input_is_said_in_one_line():
+    layers = room()
+    with pytest.raises(RadError, match="at least 2"):
+        judge(film_of(layers), np.zeros((1, H, W, 3)), lights=infos(layers))
+    with pytest.raises(RadError, match=r"shape \(4, 4, 3\)"):
+        judge(film_of(layers), np.zeros((2, 4, 4, 3)), lights=infos(layers))
+    with pytest.raises(RadError, match="no picture"):
+        judge_pictures(film_of(layers), np.zeros((0, H, W, 3)), lights=infos(layers))
+
+
+def test_the_report_has_the_shapes_of_the_contract():
+    rng, layers = np.random.default_rng(17), room()
+    found = judge(film_of(layers), Witness(layers, 0.01).seeds(rng), lights=infos(layers))
+    said = json.loads(json.dumps(found.to_json()))
+    assert set(said) == {'verdict', 'pixels', 'metrics', 'lights', 'findings'}
+    assert set(said['pixels']) == {'compared', 'agree', 'differ', 'undecided', 'excluded'}
+    assert set(said['lights'][0]) == {
+        'name', 'type', 'count', 'group', 'energy_fraction', 'scale_in_witness', 'standard_error',
+        'verdict', 'diagnosis',
+    }
+    assert set(said['metrics']) == {
+        'energy_ratio', 'mean_signed_relative_error', 'p95_absolute_relative_error', 'relmse',
+    }
+
+
+@pytest.mark.parametrize('count', [1, 4])
+def test_pictures_that_exist_are_judged_by_their_own_noise(count):
+    rng, layers, repeats = np.random.default_rng(18), room(), 25
+    film = film_of(layers)
+    seen = Counter()
+    for _ in range(repeats):
+        pictures = Witness(layers, 0.005, tail=0.2).seeds(rng, count)
+        seen[judge_pictures(film, pictures, lights=infos(layers)).verdict] += 1
+    assert seen['differ'] == 0
+    assert seen['agree'] == 0 if count == 1 else seen['agree'] > repeats // 2
+    off = Witness(scaled(layers, 'Key', 1.05), 0.02).seeds(rng, count)
+    found = judge_pictures(film, off, lights=infos(layers))
+    assert found.verdict == 'differ'
+    assert found.lights[0].scale_in_witness == pytest.approx(1.05, abs=0.01)
+    assert found.lights[0].diagnosis == 'scale'
+
+
+def test_copies_of_one_picture_are_one_picture():
+    rng, layers = np.random.default_rng(19), room()
+    pictures = np.repeat(Witness(layers, 0.001).seeds(rng, 1), 5, axis=0)
+    found = judge_pictures(film_of(layers), pictures, lights=infos(layers))
+    assert found.verdict == 'undecided'
+    assert found.needed_factor is None
