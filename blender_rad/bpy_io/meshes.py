@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,8 +20,7 @@ def read_mesh(bl_mesh: Any) -> tuple[Mesh, int]:
     """Return the triangles of an evaluated mesh, and how many that are not finite were left out.
 
     Model: which normals count is Cycles' choice. A mesh with custom normals or a sharp edge has
-    normals by corner, any other by vertex; sharp faces are flat. Sharp faces alone do not divide
-    the normals of their smooth neighbours, unlike in Blender's own drawing.
+    normals by corner, any other by vertex; sharp faces are flat.
     """
     bl_mesh.calc_loop_triangles()
     corners = integers(bl_mesh.loop_triangles, "loops", 3)
@@ -73,9 +73,15 @@ def _smooth(bl_mesh: Any) -> NDArray[np.bool_]:
 
 
 def _by_corner(bl_mesh: Any) -> bool:
-    """Return whether Cycles takes normals by corner: custom ones, or edges that divide them."""
+    """Return whether Cycles takes normals by corner: custom ones, or edges that divide them.
+
+    Up to Blender 4.5 sharp faces alone do not divide the normals of their smooth neighbours, unlike
+    in Blender's own drawing; in 5.2 they do.
+    """
     if bl_mesh.has_custom_normals:
         return True
+    if bpy.app.version >= (5, 0):
+        return bl_mesh.normals_domain == "CORNER"
     edges = bl_mesh.attributes.get("sharp_edge")
     sharp = edges is not None and bool(booleans(edges.data, "value").any())
     return sharp and bl_mesh.normals_domain == "CORNER"

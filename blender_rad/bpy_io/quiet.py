@@ -47,6 +47,14 @@ def quiet_stdout(*, errors: bool = False) -> Generator[None]:
                 log.debug("blender: %s", line)
 
 
+def silence_exit() -> None:
+    """Drop what is written to descriptor 1 from now on: Blender's last words at exit."""
+    _flush()
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, _STDOUT)
+    os.close(nowhere)
+
+
 def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

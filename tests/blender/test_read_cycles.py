@@ -15,8 +15,16 @@ bpy = pytest.importorskip("bpy")
 from blender_rad.bpy_io.read import read_scene  # noqa: E402
 from blender_rad.scene import Scene  # noqa: E402
 
-from .reading import SQUARE, add, camera, cycles_passes, empty_scene, polygons  # noqa: E402
-from .reading import shading_normals, sphere  # noqa: E402
+from .reading import (  # noqa: E402  # noqa: E402
+    SQUARE,
+    add,
+    camera,
+    cycles_passes,
+    empty_scene,
+    polygons,
+    shading_normals,
+    sphere,
+)
 
 PIXEL = 0.02  # Cycles' own rays stray by 0.007 pixel within its narrowest filter
 NORMAL = 2e-3  # normals are packed into 32 bits in Blender 5.2
@@ -49,7 +57,9 @@ def frame(width: int, height: int, aspect_x: float, aspect_y: float, percent: in
 def pixels_of(scene: Scene, points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Return where (n, 3) points appear, (n, 2) in pixels from the lower left."""
     assert scene.camera is not None
-    local = (points - scene.camera.world_from_camera[:3, 3]) @ scene.camera.world_from_camera[:3, :3]
+    local = (points - scene.camera.world_from_camera[:3, 3]) @ scene.camera.world_from_camera[
+        :3, :3
+    ]
     if scene.camera.kind == "perspective":
         local = local / -local[:, 2:]
     left, right, bottom, top = scene.camera.plane

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials: what is constant Lambert and emission, what is not, and what clay makes of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+
+from blender_rad.bpy_io.materials import read_material, surface_of  # noqa: E402
+from blender_rad.scene import CLAY_ALBEDO, Material  # noqa: E402
+
+from .reading import empty_scene, material  # noqa: E402
+
+CLAY = (CLAY_ALBEDO,) * 3
+RED = (0.8, 0.2, 0.1, 1)
+
+
+@pytest.fixture(autouse=True)
+def _empty() -> None:
+    empty_scene()
+
+
+def tree_of(created: Any) -> tuple[Any, Any]:
+    """Return a material's node tree and its output node."""
+    return created.node_tree, created.node_tree.get_output_node('CYCLES')
+
+
+def mixed(first: str, second: str, factor: float | None) -> Any:
+    """A mix of two closures; None makes the factor depend on the side that is seen."""
+    created = material("Mixed", first)
+    tree, output = tree_of(created)
+    mix, other = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new(second)
+    tree.links.new(output.inputs[0].links[0].from_socket, mix.inputs[1])
+    tree.links.new(other.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs[0])
+    if factor is None:
+        side = tree.nodes.new("ShaderNodeNewGeometry")
+        tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    else:
+        mix.inputs[0].default_value = factor
+    return created
+
+
+def named(found: Material) -> list[str]:
+    return [u.feature for u in found.unsupported]
+
+
+def test_lambert_is_read() -> None:
+    found = read_material(material("M", "ShaderNodeBsdfDiffuse", Color=RED), "full")
+    assert found.albedo == pytest.approx(RED[:3])
+    assert (found.opaque, found.emits, found.unsupported) == (True, False, ())
+
+
+@pytest.mark.parametrize("inputs", [{"Roughness": 0.5}, {}])
+def test_rough_or_bumpy_diffuse_is_unsupported(inputs: Any) -> None:
+    created = material("M", "ShaderNodeBsdfDiffuse", **inputs)
+    if not inputs:
+        tree, output = tree_of(created)
+        bump = tree.nodes.new("ShaderNodeBump")
+        tree.links.new(bump.outputs[0], output.inputs[0].links[0].from_node.inputs["Normal"])
+    found = read_material(created, "full")
+    assert named(found) == ["Diffuse BSDF"]
+    assert read_material(created, "clay").albedo == CLAY
+
+
+def test_emission_is_read_and_stays_pure_as_clay() -> None:
+    created = material("M", "ShaderNodeEmission", Color=(1, 0.5, 0.25, 1), Strength=4)
+    for shading in ("full", "clay"):
+        found = read_material(created, shading)
+        assert found.emission == (4, 2, 1)
+        assert (found.albedo, found.opaque, found.unsupported) == ((0, 0, 0), True, ())
+
+
+def test_emission_of_nothing_is_clay() -> None:
+    assert read_material(material("M", "ShaderNodeEmission", Strength=0), "clay").albedo == CLAY
+
+
+@pytest.mark.parametrize(("factor", "share"), [(0.25, 0.25), (-3.0, 0.0), (7.0, 1.0)])
+def test_mix_weighs_with_a_clipped_factor(factor: float, share: float) -> None:
+    found = read_material(mixed("ShaderNodeBsdfDiffuse", "ShaderNodeEmission", factor), "full")
+    assert found.albedo == pytest.approx((0.8 * (1 - share),) * 3)
+    assert found.emission == pytest.approx((share,) * 3)
+    assert not found.unsupported
+
+
+def test_add_adds() -> None:
+    created = material("M", "ShaderNodeBsdfDiffuse", Color=RED)
+    tree, output = tree_of(created)
+    add, glow = tree.nodes.new("ShaderNodeAddShader"), tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(output.inputs[0].links[0].from_socket, add.inputs[0])
+    tree.links.new(glow.outputs[0], add.inputs[1])
+    tree.links.new(add.outputs[0], output.inputs[0])
+    for shading, albedo in (("full", RED[:3]), ("clay", CLAY)):
+        found = read_material(created, shading)
+        assert found.albedo == pytest.approx(albedo)
+        assert found.emission == (1, 1, 1)
+
+
+def test_one_sided_emission_is_not_known() -> None:
+    created = mixed("ShaderNodeBsdfDiffuse", "ShaderNodeEmission", None)
+    for shading in ("full", "clay"):
+        found = read_material(created, shading)
+        assert not found.emission_known
+        assert any("not constant" in feature for feature in named(found))
+    assert read_material(created, "clay").albedo == CLAY
+
+
+def test_transparent_lets_shadows_pass_and_clay_closes_it() -> None:
+    created = mixed("ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent", 0.3)
+    found = read_material(created, "full")
+    assert not found.opaque
+    assert named(found) == ["Transparent BSDF"]
+    assert surface_of(created).transmits
+    clay = read_material(created, "clay")
+    assert (clay.opaque, clay.albedo, clay.unsupported) == (True, CLAY, ())
+    created.use_transparent_shadow = False
+    assert read_material(created, "full").opaque
+
+
+@pytest.mark.parametrize("kind", ["ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"])
+def test_glass_throws_a_shadow_and_clay_closes_it(kind: str) -> None:
+    created = material("M", kind)
+    assert read_material(created, "full").opaque
+    assert surface_of(created).transmits
+
+
+@pytest.mark.parametrize(
+    ("inputs", "opaque", "emission", "known"),
+    [
+        ({}, True, (0, 0, 0), True),
+        ({"Alpha": 0.5}, False, (0, 0, 0), True),
+        ({"Emission_Strength": 2.0}, True, (2, 2, 2), True),
+        ({"Emission_Strength": 2.0, "Coat_Weight": 1.0}, True, (0, 0, 0), False),
+        ({"Emission_Strength": 2.0, "Alpha": 0.5}, False, (0, 0, 0), False),
+    ],
+)
+def test_principled(inputs: Any, opaque: bool, emission: Any, known: bool) -> None:
+    found = read_material(material("M", "ShaderNodeBsdfPrincipled", **inputs), "full")
+    assert (found.opaque, found.emission, found.emission_known) == (opaque, emission, known)
+    assert "Principled BSDF" in named(found)
+
+
+def test_no_surface_is_black_and_clay_is_clay() -> None:
+    created = material("M", "ShaderNodeBsdfDiffuse")
+    tree, output = tree_of(created)
+    tree.links.remove(output.inputs[0].links[0])
+    assert read_material(created, "full").albedo == (0, 0, 0)
+    assert read_material(created, "clay").albedo == CLAY
+
+
+def test_volumes_are_unsupported_and_gone_as_clay() -> None:
+    created = material("M", "ShaderNodeBsdfDiffuse")
+    tree, output = tree_of(created)
+    fog = tree.nodes.new("ShaderNodeVolumePrincipled")
+    tree.links.new(fog.outputs[0], output.inputs["Volume"])
+    found = read_material(created, "full")
+    assert (found.opaque, found.emission_known, named(found)) == (False, True, ["Volume"])
+    fog.inputs["Emission Strength"].default_value = 1
+    assert not read_material(created, "full").emission_known
+    assert read_material(created, "clay").unsupported == ()
+
+
+@pytest.mark.parametrize(("method", "opaque"), [('BUMP', True), ('DISPLACEMENT', False)])
+def test_displacement(method: str, opaque: bool) -> None:
+    created = material("M", "ShaderNodeBsdfDiffuse")
+    tree, output = tree_of(created)
+    height = tree.nodes.new("ShaderNodeDisplacement")
+    tree.links.new(height.outputs[0], output.inputs["Displacement"])
+    created.displacement_method = method
+    found = read_material(created, "full")
+    assert found.opaque is opaque
+    assert len(found.unsupported) == 1
+    assert read_material(created, "clay").unsupported == ()
+
+
+def test_groups_reroutes_values_and_muted_nodes_are_followed() -> None:
+    group = bpy.data.node_groups.new("Paint", 'ShaderNodeTree')
+    group.interface.new_socket("Tint", in_out='INPUT', socket_type='NodeSocketColor')
+    group.interface.new_socket("Out", in_out='OUTPUT', socket_type='NodeSocketShader')
+    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    paint = group.nodes.new("ShaderNodeBsdfDiffuse")
+    group.links.new(start.outputs[0], paint.inputs["Color"])
+    group.links.new(paint.outputs[0], end.inputs[0])
+
+    created = material("M", "ShaderNodeBsdfDiffuse")
+    tree, output = tree_of(created)
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    node.inputs[0].default_value = RED
+    way = tree.nodes.new("NodeReroute")
+    tree.links.new(node.outputs[0], way.inputs[0])
+    tree.links.new(way.outputs[0], output.inputs[0])
+    assert read_material(created, "full").albedo == pytest.approx(RED[:3])
+
+    rgb = tree.nodes.new("ShaderNodeRGB")
+    rgb.outputs[0].default_value = (0.1, 0.2, 0.3, 1)
+    link = tree.links.new(rgb.outputs[0], node.inputs[0])
+    assert read_material(created, "full").albedo == pytest.approx((0.1, 0.2, 0.3))
+    link.is_muted = True
+    assert read_material(created, "full").albedo == pytest.approx(RED[:3])
+
+    add = tree.nodes.new("ShaderNodeAddShader")
+    glow = tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(way.outputs[0], add.inputs[0])
+    tree.links.new(glow.outputs[0], add.inputs[1])
+    tree.links.new(add.outputs[0], output.inputs[0])
+    assert read_material(created, "full").emits
+    add.mute = True
+    found = read_material(created, "full")
+    assert (found.emits, found.unsupported) == (False, ())
+    assert found.albedo == pytest.approx(RED[:3])
+
+
+def test_empty_slots() -> None:
+    found = read_material(None, "full")
+    if bpy.app.version < (5, 0):
+        assert (found.albedo, found.unsupported) == ((0.8,) * 3, ())
+    else:
+        assert named(found) == ["Principled BSDF (default)"]
+    assert read_material(None, "clay").albedo == CLAY

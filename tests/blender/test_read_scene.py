@@ -1,0 +1,405 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is read from a scene: geometry as it renders, instances, visibility, lights, world."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+
+from blender_rad.bpy_io.read import read_scene  # noqa: E402
+from blender_rad.errors import Finding  # noqa: E402
+from blender_rad.scene import Mesh, Scene, Unsupported  # noqa: E402
+
+from .reading import SQUARE, add, camera, empty_scene, material, polygons, sphere  # noqa: E402
+
+CUBE = (
+    [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)],
+    [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
+)
+
+
+@pytest.fixture(autouse=True)
+def scene() -> Any:
+    return empty_scene()
+
+
+def read(**options: Any) -> Scene:
+    return read_scene(bpy.context.scene, **options)
+
+
+def mesh_of(scene: Scene, name: str) -> Mesh:
+    return scene.meshes[next(i.mesh for i in scene.instances if i.name == name)]
+
+
+def features(scene: Scene) -> set[tuple[str, str, str]]:
+    return {(u.kind, u.name, u.feature) for u in scene.unsupported}
+
+
+def light(kind: str, name: str = "Lamp", **properties: Any) -> Any:
+    data = bpy.data.lights.new(name, kind)
+    for key, value in properties.items():
+        setattr(data, key, value)
+    return add(name, data)
+
+
+def test_subdivision_is_that_of_the_render() -> None:
+    cube = add("Cube", polygons("Cube", *CUBE))
+    modifier = cube.modifiers.new("Subdivision", 'SUBSURF')
+    modifier.levels, modifier.render_levels = 0, 3
+    assert len(mesh_of(read(), "Cube").triangles) == 6 * 4**3 * 2
+
+
+@pytest.mark.parametrize("kind", ['FONT', 'CURVE', 'META', 'SURFACE'])
+def test_what_blender_turns_into_triangles_is_read(kind: str) -> None:
+    makers = {
+        'FONT': bpy.ops.object.text_add,
+        'CURVE': bpy.ops.curve.primitive_bezier_circle_add,
+        'META': bpy.ops.object.metaball_add,
+        'SURFACE': bpy.ops.surface.primitive_nurbs_surface_sphere_add,
+    }
+    makers[kind]()
+    if kind == 'CURVE':
+        bpy.context.object.data.bevel_depth = 0.1
+    scene = read()
+    assert [i.name for i in scene.instances] == [bpy.context.object.name]
+    assert len(scene.meshes[0].triangles) > 10
+
+
+def test_collection_instances_share_their_mesh() -> None:
+    collection = bpy.data.collections.new("Lamps")
+    collection.objects.link(bpy.data.objects.new("Part", polygons("Part", *SQUARE)))
+    lamp = bpy.data.objects.new("Bulb", bpy.data.lights.new("Bulb", 'POINT'))
+    lamp.location = (0, 0, 1)
+    collection.objects.link(lamp)
+    for x in range(3):
+        placed = add(f"Place{x}", None, location=(x, 0, 0))
+        placed.instance_type, placed.instance_collection = 'COLLECTION', collection
+    scene = read()
+    assert [i.name for i in scene.instances] == ["Part"] * 3
+    assert len(scene.meshes) == 1
+    assert not any(i.normals_in_world for i in scene.instances)
+    assert sorted(i.world_from_object[0, 3] for i in scene.instances) == [0, 1, 2]
+    assert [bulb.name for bulb in scene.lights] == ["Bulb"] * 3
+
+
+def test_vertex_instances_leave_out_the_instancer() -> None:
+    parent = add("Parent", polygons("Parent", *SQUARE))
+    add("Child", polygons("Child", *CUBE), parent=parent)
+    parent.instance_type, parent.show_instancer_for_render = 'VERTS', False
+    scene = read()
+    assert [i.name for i in scene.instances] == ["Child"] * 4
+    parent.show_instancer_for_render = True
+    assert sorted(i.name for i in read().instances) == ["Child"] * 4 + ["Parent"]
+
+
+def test_geometry_nodes_instances_share_their_mesh() -> None:
+    tree = bpy.data.node_groups.new("Scatter", 'GeometryNodeTree')
+    tree.interface.new_socket("Geometry", in_out='INPUT', socket_type='NodeSocketGeometry')
+    tree.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
+    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    scatter, cube = (
+        tree.nodes.new("GeometryNodeInstanceOnPoints"),
+        tree.nodes.new("GeometryNodeMeshCube"),
+    )
+    tree.links.new(start.outputs[0], scatter.inputs["Points"])
+    tree.links.new(cube.outputs[0], scatter.inputs["Instance"])
+    tree.links.new(scatter.outputs[0], end.inputs[0])
+    ground = add("Ground", polygons("Ground", *SQUARE))
+    ground.modifiers.new("Scatter", 'NODES').node_group = tree
+    scene = read()
+    assert [i.name for i in scene.instances] == ["Ground"] * 4
+    assert len(scene.meshes) == 1
+    assert len(scene.meshes[0].triangles) == 12
+
+
+def test_two_users_share_a_mesh_unless_modified() -> None:
+    mesh = polygons("Mesh", *SQUARE)
+    add("A", mesh)
+    b = add("B", mesh, location=(3, 0, 0))
+    scene = read()
+    assert len(scene.meshes) == 1
+    assert not any(i.normals_in_world for i in scene.instances)
+    b.modifiers.new("Bevel", 'BEVEL')
+    scene = read()
+    assert len(scene.meshes) == 2
+    assert all(i.normals_in_world for i in scene.instances)
+
+
+def test_object_materials_come_through_instances() -> None:
+    mesh = polygons("Mesh", *SQUARE)
+    red = material("Red", "ShaderNodeBsdfDiffuse", Color=(1, 0, 0, 1))
+    add("A", mesh)
+    b = add("B", mesh)
+    b.material_slots[0].link = 'OBJECT'
+    b.material_slots[0].material = red
+    scene = read()
+    albedo = {i.name: scene.materials[i.materials[0]].albedo for i in scene.instances}
+    assert albedo["B"] == (1, 0, 0)
+    assert albedo["A"] == pytest.approx((0.8, 0.8, 0.8))
+
+
+def test_materials_by_face() -> None:
+    mesh = polygons("Cube", *CUBE)
+    for i in range(2):
+        mesh.materials.append(material(f"M{i}", "ShaderNodeBsdfDiffuse", Color=(i, 0, 0, 1)))
+    for face in mesh.polygons:
+        face.material_index = face.index % 3
+    mesh.polygons[5].material_index = 7  # beyond the slots: Cycles takes the last
+    add("Cube", mesh)
+    scene = read()
+    names = [scene.materials[m].name for m in scene.instances[0].materials]
+    by_face = [names[s] for s in scene.meshes[0].slots[::2]]
+    assert by_face == ["Cube", "M0", "M1", "Cube", "M0", "M1"]
+
+
+def test_hidden_things_are_not_read() -> None:
+    add("Render", polygons("A", *SQUARE)).hide_render = True
+    hidden = bpy.data.collections.new("Hidden")
+    bpy.context.scene.collection.children.link(hidden)
+    hidden.objects.link(bpy.data.objects.new("Collection", polygons("B", *SQUARE)))
+    hidden.hide_render = True
+    out = bpy.data.collections.new("Out")
+    bpy.context.scene.collection.children.link(out)
+    out.objects.link(bpy.data.objects.new("Excluded", polygons("C", *SQUARE)))
+    bpy.context.view_layer.layer_collection.children["Out"].exclude = True
+    viewport = add("Viewport", polygons("D", *SQUARE))
+    viewport.hide_viewport = True
+    unseen = add("Rays", polygons("E", *SQUARE))
+    for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(unseen, f"visible_{ray}", False)
+    assert [i.name for i in read().instances] == ["Viewport"]
+
+
+def test_ray_visibility_and_terminator() -> None:
+    plane = add("Plane", polygons("A", *SQUARE))
+    plane.visible_camera = plane.visible_shadow = False
+    plane.shadow_terminator_geometry_offset = 0.25
+    plane.shadow_terminator_shading_offset = 0.5
+    instance = read().instances[0]
+    seen = (instance.visible_camera, instance.visible_shadow, instance.visible_diffuse)
+    assert seen == (False, False, True)
+    assert instance.terminator_geometry_offset == 0.25
+    assert instance.terminator_shading_offset == 0.5
+
+
+def test_holdouts_and_indirect_only_layers() -> None:
+    for name, flag in (("Held", "holdout"), ("Indirect", "indirect_only")):
+        collection = bpy.data.collections.new(name)
+        bpy.context.scene.collection.children.link(collection)
+        collection.objects.link(bpy.data.objects.new(name, polygons(name, *SQUARE)))
+        setattr(bpy.context.view_layer.layer_collection.children[name], flag, True)
+    catcher = add("Catcher", polygons("C", *SQUARE))
+    catcher.is_shadow_catcher = True
+    scene = read()
+    by_name = {i.name: i for i in scene.instances}
+    assert not by_name["Indirect"].visible_camera
+    assert by_name["Held"].visible_camera
+    assert {("object", "Held", "Holdout"), ("object", "Catcher", "Shadow catcher")} <= features(
+        scene
+    )
+    held = scene.materials[by_name["Held"].materials[0]]
+    assert Unsupported("object", "Held", "Holdout") in held.unsupported
+    assert held.opaque
+
+
+def test_negative_scale_keeps_normals_and_winding_of_the_object() -> None:
+    add("Ball", sphere("Ball"), scale=(-1, 1, 1))
+    mesh = read().meshes[0]
+    assert mesh.normals is not None
+    centres = mesh.vertices[mesh.triangles].mean(axis=1)
+    assert (np.sum(mesh.normals.mean(axis=1) * centres, axis=1) > 0).all()
+
+
+def test_what_is_not_finite_is_left_out() -> None:
+    broken = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (math.nan, 0, 0)]
+    add("Half", polygons("Half", broken, [(0, 1, 2), (0, 1, 3)]))
+    far = add("Far", None, scale=(1e30,) * 3)
+    add("Lost", polygons("Lost", *SQUARE), scale=(1e30,) * 3, parent=far)
+    light('POINT', "Endless", energy=math.inf)
+    scene = read()
+    assert len(mesh_of(scene, "Half").triangles) == 1
+    assert np.isfinite(mesh_of(scene, "Half").vertices).all()
+    assert [i.name for i in scene.instances] == ["Half"]
+    assert not scene.lights
+    found = {f.object for f in scene.findings if f.code == "not-finite"}
+    assert found == {"Half", "Lost", "Endless"}
+
+
+def test_hair_and_points_become_boxes() -> None:
+    ball = add("Ball", sphere("Ball"))
+    bpy.context.view_layer.objects.active = ball
+    hair = ball.modifiers.new("Hair", 'PARTICLE_SYSTEM').particle_system.settings
+    hair.type, hair.count, hair.hair_length = 'HAIR', 20, 0.5
+    bpy.ops.object.volume_add()
+    scene = read()
+    boxes = {i.name: i for i in scene.instances if i.proxy}
+    assert set(boxes) == {"Ball", "Volume"}
+    for box in boxes.values():
+        assert not scene.materials[box.materials[0]].opaque
+    assert ("object", "Ball", "Particle hair") in features(scene)
+    corners = scene.meshes[boxes["Ball"].mesh].vertices
+    assert corners.max() > 1.3
+    assert not next(i for i in scene.instances if not i.proxy).proxy
+
+
+def test_lights_with_their_properties() -> None:
+    light('SPOT', energy=30.0, spot_size=0.5, color=(1, 0.5, 0.25)).location = (1, 2, 3)
+    scene = read()
+    assert [(lamp.name, lamp.kind) for lamp in scene.lights] == [("Lamp", "SPOT")]
+    np.testing.assert_allclose(scene.lights[0].rgb, [30, 15, 7.5], rtol=1e-6)
+    assert not scene.unknown_lights
+
+
+def emission_tree(lamp: Any, colour: Any, strength: float) -> Any:
+    data = lamp.data
+    if bpy.app.version < (5, 0):
+        data.use_nodes = True
+    tree = data.node_tree
+    tree.nodes.clear()
+    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputLight")
+    emission.inputs["Color"].default_value = colour
+    emission.inputs["Strength"].default_value = strength
+    tree.links.new(emission.outputs[0], output.inputs[0])
+    return tree
+
+
+def test_constant_node_trees_multiply_and_others_are_unknown() -> None:
+    plain = light('POINT', energy=10.0)
+    emission_tree(plain, (0.5, 1, 1, 1), 3)
+    np.testing.assert_allclose(read().lights[0].rgb, [15, 30, 30], rtol=1e-6)
+    tree = emission_tree(plain, (1, 1, 1, 1), 1)
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(noise.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+    plain.location = (1, 2, 3)
+    scene = read()
+    assert not scene.lights
+    name, position = scene.unknown_lights[0]
+    assert name == "Lamp"
+    np.testing.assert_allclose(position, [1, 2, 3])
+    assert ("light", "Lamp", "Emission") in features(scene)
+
+
+def test_lights_that_do_not_light() -> None:
+    light('POINT', "Hidden").visible_diffuse = False
+    linked = light('POINT', "Linked")
+    linked.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
+    portal = light('AREA', "Portal")
+    portal.data.cycles.is_portal = True
+    seen = light('AREA', "Seen")
+    seen.visible_diffuse, seen.visible_camera = False, True
+    scene = read()
+    assert not scene.lights
+    assert {n for n, _ in scene.unknown_lights} == {"Linked", "Seen"}
+    assert [f.object for f in scene.findings] == ["Hidden"]
+
+
+def test_linked_mesh_emitters_are_unknown() -> None:
+    mesh = bpy.data.meshes.new("Panel")
+    mesh.from_pydata(SQUARE[0], [], SQUARE[1])
+    mesh.materials.append(material("Glow", "ShaderNodeEmission", Strength=2.0))
+    panel = add("Panel", mesh)
+    assert read().materials[0].emission == (2, 2, 2)
+    panel.light_linking.blocker_collection = bpy.data.collections.new("Blockers")
+    scene = read()
+    assert not scene.materials[0].emission_known
+    assert ("light", "Panel", "Light linking") in features(scene)
+
+
+def world_of(colour: Any, strength: float) -> Any:
+    world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0):
+        world.use_nodes = True
+    background = world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value = colour
+    background.inputs["Strength"].default_value = strength
+    bpy.context.scene.world = world
+    return world
+
+
+def test_worlds() -> None:
+    assert read().world.radiance == (0, 0, 0)
+    world = world_of((0.5, 1, 0.25, 1), 4)
+    world.cycles_visibility.diffuse = False
+    found = read().world
+    assert found.radiance == (2, 4, 1)
+    assert (found.known, found.visible_camera, found.visible_diffuse) == (True, True, False)
+    tree = world.node_tree
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs["Color"])
+    scene = read()
+    assert not scene.world.known
+    assert ("world", "World", "Background") in features(scene)
+
+
+@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="worlds and materials always have nodes")
+def test_without_nodes_colours_count() -> None:
+    world = bpy.data.worlds.new("World")
+    world.color = (0.25, 0.5, 1)
+    bpy.context.scene.world = world
+    mesh = bpy.data.meshes.new("Plane")
+    mesh.from_pydata(SQUARE[0], [], SQUARE[1])
+    plain = bpy.data.materials.new("Plain")
+    plain.diffuse_color = (0.25, 0.5, 0.75, 1)
+    mesh.materials.append(plain)
+    add("Plane", mesh)
+    scene = read()
+    assert scene.world.radiance == (0.25, 0.5, 1)
+    assert scene.materials[0].albedo == (0.25, 0.5, 0.75)
+
+
+@pytest.mark.parametrize(
+    ("system", "expected"), [('METRIC', 0.01), ('IMPERIAL', 0.01), ('NONE', 1)]
+)
+def test_unit_scale_counts_with_a_unit_system(system: str, expected: float) -> None:
+    units = bpy.context.scene.unit_settings
+    units.system, units.scale_length = system, 0.01
+    assert read().unit_scale_m == pytest.approx(expected)
+
+
+def test_camera_features_are_recorded() -> None:
+    placed = camera()
+    placed.data.dof.use_dof = True
+    bpy.context.scene.render.use_motion_blur = True
+    scene = read()
+    assert ("camera", "Camera", "Depth of field") in features(scene)
+    assert Finding("motion-blur", "info", "", "motion blur is on; the scene is read at rest") in (
+        scene.findings
+    )
+    placed.data.type = 'PANO'
+    assert ("camera", "Camera", "Panoramic camera") in features(read())
+
+
+def test_nothing_is_changed_and_nothing_stays() -> None:
+    scene = bpy.context.scene
+    camera()
+    scene.camera = None
+    before = {p: getattr(scene.render, p) for p in ("engine", "use_freestyle", "resolution_x")}
+    engines = {c.__name__ for c in bpy.types.RenderEngine.__subclasses__()}
+    assert read().camera is None
+    assert {p: getattr(scene.render, p) for p in before} == before
+    assert scene.camera is None
+    assert {c.__name__ for c in bpy.types.RenderEngine.__subclasses__()} <= engines | {"Reader"}
+
+
+def test_errors_come_out_of_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    from blender_rad.bpy_io import read as module
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise RuntimeError("carried out")
+
+    monkeypatch.setattr(module, "read_depsgraph", fail)
+    with pytest.raises(RuntimeError, match="carried out"):
+        read()
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 0), reason="one working space before Blender 5")
+def test_working_space() -> None:
+    scene = read()
+    assert scene.working_space == bpy.data.colorspace.working_space
+    assert sum(scene.luminance_weights) == pytest.approx(1, abs=1e-6)
