@@ -162,18 +162,17 @@ def _near(value: float, predicted: float, error: float) -> bool:
 
 def match_factor(
     factor: float, error: float, type_: str, scale: float
-) -> tuple[Cause, float] | None:
-    """Return the one cause, and its factor, that explains a light's factor; None if not unique."""
+) -> list[tuple[Cause, float]]:
+    """Return the causes, each with the factor it predicts, that explain a light's factor."""
     if error > MAX_ERROR * max(abs(factor), 1.0):
-        return None
-    found = [
+        return []
+    return [
         (cause, value)
         for cause in CAUSES
         if not cause.types or type_.upper() in cause.types
         for value in cause.factors(scale)
         if not _near(value, 1.0, error) and _near(factor, value, error)
     ]
-    return found[0] if len({cause.code for cause, _ in found}) == 1 else None
 
 
 def _left(case: Case, columns: Array, known: Estimates) -> Array:
@@ -265,14 +264,23 @@ def _reshape(case: Case) -> tuple[Array, dict[int, Named]]:
     return columns, named
 
 
-def _by_factor(case: Case, g: int, known: Estimates) -> Named | None:
-    """Return the cause with the factor of group `g`, all of whose lights must be of one type."""
+def _matches(case: Case, g: int, known: Estimates) -> list[tuple[Cause, float]]:
+    """Return the causes that explain the factor of group `g` for each type of light in it."""
     types = {case.types[case.cells.names[j]] for j in case.problem.groups[g]}
-    value, error, scale = known.value[g], known.error[g], case.clues.unit_scale_m
-    match = match_factor(value, error, types.pop(), scale) if len(types) == 1 else None
-    if match is None:
+    found = [
+        match_factor(known.value[g], known.error[g], type_, case.clues.unit_scale_m)
+        for type_ in sorted(types)
+    ]
+    return [match for match in found[0] if all(match in others for others in found)]
+
+
+def _by_factor(case: Case, g: int, known: Estimates) -> Named | None:
+    """Return the one cause that explains the factor of group `g`."""
+    matches = _matches(case, g, known)
+    if len(matches) != 1:
         return None
-    cause, predicted = match
+    cause, predicted = matches[0]
+    value, error = known.value[g], known.error[g]
     message = f"{cause.message}; predicted {predicted:.5g}, measured {value:.5g} ± {error:.2g}"
     return Named(cause.code, message, 100.0 * (value - 1.0), case.problem.columns[g])
 
@@ -422,7 +430,9 @@ def _with_shapes(columns: Array, named: Mapping[int, Named]) -> Array:
 
 def _scaled(case: Case, g: int, known: Estimates) -> Named:
     value, error = known.value[g], known.error[g]
-    message = f"no known cause; {value:.5g} ± {error:.2g} times ours"
+    possible = ", ".join(cause.code for cause, _ in _matches(case, g, known))
+    why = f"one of {possible}" if possible else "no known cause"
+    message = f"{why}; {value:.5g} ± {error:.2g} times ours"
     return Named("scale", message, 100.0 * (value - 1.0), case.problem.columns[g])
 
 

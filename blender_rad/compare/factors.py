@@ -105,7 +105,7 @@ def find_groups(layers: Array, weight: Array, variance: Array) -> list[list[int]
         partial[worst] = 0.0
         joined = (partial >= min(partial.max(), TANGLED)) | (np.arange(len(groups)) == worst)
         merged = sorted(j for g in np.flatnonzero(joined) for j in groups[g])
-        groups = sorted([merged, *(g for g, in_ in zip(groups, joined, strict=True) if not in_)])
+        groups = sorted([merged, *(groups[g] for g in np.flatnonzero(~joined))])
     return groups
 
 

@@ -153,7 +153,7 @@ def _clues(
 
 
 def _support(film: Film, seeds: Picture) -> tuple[Picture, Mask, list[Finding]]:
-    """Return the pictures without what is not finite, which pixels can be compared, and findings."""
+    """Return the pictures, finite throughout, which pixels can be compared, and findings."""
     if seeds.shape[1:] != film.radiance.shape:
         expected = f"expected ours, {film.radiance.shape}"
         raise RadError(f"pictures of shape {seeds.shape[1:]}", "witness", expected)

@@ -10,7 +10,7 @@ import pytest
 
 from blender_rad.compare import LightInfo, judge
 from blender_rad.compare.diagnosis import CAUSES, match_factor
-from tests.unit.compare_simulation import H, W, Witness, film_of, infos, layer, room
+from tests.unit.compare_simulation import H, W, Witness, film_of, layer, room
 
 NOISE = 0.012
 TYPES = {'Key': 'AREA', 'Fill': 'POINT', 'Sky': 'WORLD', 'Small': 'SPOT'}
@@ -104,10 +104,9 @@ def test_a_shape_that_the_caller_predicts_is_named_and_the_others_are_cleared():
 def test_a_shape_is_not_named_when_it_is_not_the_cause():
     layers, soft = room(), soft_key()
     clue = {'Key': {'soft-falloff': soft}}
-    assert names(look({**layers, 'Key': 0.9 * layers['Key']}, alternatives=clue)) == {'Key': 'scale'}
-    assert names(look({**layers, 'Fill': 0.0 * layers['Fill']}, alternatives=clue)) == {
-        'Fill': 'hidden'
-    }
+    darker, hidden = {'Key': 0.9 * layers['Key']}, {'Fill': 0.0 * layers['Fill']}
+    assert names(look({**layers, **darker}, alternatives=clue)) == {'Key': 'scale'}
+    assert names(look({**layers, **hidden}, alternatives=clue)) == {'Fill': 'hidden'}
     assert look(layers, alternatives=clue).verdict != 'differ'
 
 
@@ -142,25 +141,38 @@ def test_a_shape_that_nothing_predicts_accuses_no_light():
     assert names(found) == {}
 
 
-def test_a_group_of_mixed_types_has_no_signature():
+def test_a_group_of_mixed_types_has_only_signatures_that_all_of_them_can_have():
     layers = {**room(), 'Twin': room()['Key']}
-    off = {**layers, 'Key': 0.0 * layers['Key'], 'Twin': 0.0 * layers['Twin']}
-    seeds = Witness(off, NOISE).seeds(np.random.default_rng(3))
-    same = judge(film_of(layers), seeds, lights=infos(layers))
-    assert names(same) == {'Key': 'hidden', 'Twin': 'hidden'}
+    rows = [*(LightInfo(name, type_) for name, type_ in TYPES.items()), LightInfo('Twin', 'SPOT')]
+    for factor, cause in [(0.0, 'hidden'), (math.pi / 4, 'scale')]:
+        off = {n: v * (factor if n in {'Key', 'Twin'} else 1.0) for n, v in layers.items()}
+        seeds = Witness(off, NOISE).seeds(np.random.default_rng(3))
+        found = judge(film_of(layers), seeds, lights=rows)
+        assert names(found) == {'Key': cause, 'Twin': cause}
+
+
+def test_a_factor_that_several_causes_explain_lists_them():
+    found = look({**room(), 'Fill': 0.0 * room()['Fill']}, unit_scale_m=0.01)
+    assert names(found) == {'Fill': 'scale'}
+    message = next(f for f in found.findings if f.code == 'scale').message
+    assert message.startswith("one of hidden, unit-scale;")
+
+
+def codes(*arguments):
+    return [cause.code for cause, _ in match_factor(*arguments)]
 
 
 def test_factors_must_be_near_and_certain_and_hit_the_right_type():
-    assert match_factor(math.pi / 4, 1e-3, 'AREA', 1.0)[0].code == 'area-four-over-pi'
-    assert match_factor(math.pi / 4, 1e-3, 'SPOT', 1.0) is None
-    assert match_factor(math.pi / 4 + 0.01, 1e-3, 'AREA', 1.0) is None
-    assert match_factor(math.pi / 4, 0.1, 'AREA', 1.0) is None
-    assert match_factor(3.83, 0.02, 'POINT', 1.0) is None  # 3.8407 or 3.8156: cannot be told
-    assert match_factor(1.0, 1e-4, 'POINT', 1.0) is None  # a unit scale of 1 explains nothing
+    assert codes(math.pi / 4, 1e-3, 'AREA', 1.0) == ['area-four-over-pi']
+    assert codes(math.pi / 4, 1e-3, 'SPOT', 1.0) == []
+    assert codes(math.pi / 4 + 0.01, 1e-3, 'AREA', 1.0) == []
+    assert codes(math.pi / 4, 0.1, 'AREA', 1.0) == []
+    assert codes(3.83, 0.02, 'POINT', 1.0) == ['efficacy-cycles-ies', 'efficacy-radiance']
+    assert codes(1.0, 1e-4, 'POINT', 1.0) == []  # a unit scale of 1 explains nothing
 
 
 def test_every_cause_can_be_told_from_every_other():
     for cause in CAUSES:
-        for value in cause.factors(0.01):
+        for value in cause.factors(0.1):
             type_ = next(iter(cause.types), 'SUN')
-            assert match_factor(value, 1e-4 * max(value, 1.0), type_, 0.01)[0] is cause
+            assert codes(value, 1e-4 * max(value, 1.0), type_, 0.1) == [cause.code]

@@ -33,7 +33,7 @@ def test_the_simulated_noise_is_blue_as_in_the_renders():
 
 @pytest.mark.parametrize('tail', [0.0, 0.3])
 def test_intervals_of_the_factors_cover_and_are_centred(tail):
-    rng, layers, repeats = np.random.default_rng(2), room(), 150
+    rng, layers, repeats = np.random.default_rng(2), room(), 100
     film, witness = film_of(layers), Witness(layers, tail=tail)
     known = [problem(film, witness.seeds(rng)).known for _ in range(repeats)]
     value = np.array([k.value for k in known])
@@ -46,7 +46,7 @@ def test_intervals_of_the_factors_cover_and_are_centred(tail):
 
 
 def test_intervals_cover_with_noise_of_our_own_and_its_bias_is_removed():
-    rng, layers, repeats, relative = np.random.default_rng(3), room(), 120, 0.15
+    rng, layers, repeats, relative = np.random.default_rng(3), room(), 80, 0.15
     variance = sum((relative * value) ** 2 for value in layers.values())
     covered, values = [], []
     for _ in range(repeats):
