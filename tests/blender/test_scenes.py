@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scenes beside their scripts: they open, are what the scripts build, and mean what is derived."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+
+from blender_rad.bpy_io.open import open_scene  # noqa: E402
+from blender_rad.bpy_io.read import read_scene  # noqa: E402
+from blender_rad.bpy_io.witness import CyclesWitness  # noqa: E402
+from blender_rad.rendering import Settings, render  # noqa: E402
+from blender_rad.scene import Camera, Scene  # noqa: E402
+
+SCENES = Path(__file__).parents[2] / "scenes"
+NAMES = ("lecture_point", "studio", "office", "hundred")
+LARGEST = 300_000
+OFF, WIDE = 1e-3, 2e-4  # the meter stands so far above its surface and is so wide [m]
+OURS = 1e-3  # the meter's own height and width change E by less
+WITNESS = 0.01
+
+
+@pytest.fixture(autouse=True)
+def _scripts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(SCENES))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+
+def saved(name: str) -> Any:
+    return open_scene(SCENES / f"{name}.blend", need_camera=True)
+
+
+def built(name: str) -> Any:
+    return importlib.import_module(name).build()
+
+
+def summary(scene: Any) -> dict[str, Any]:
+    """What stands where, of what kind, and what it emits."""
+    return {
+        bl.name: (
+            bl.type,
+            np.round(np.array(bl.matrix_world), 5).tolist(),
+            len(bl.data.vertices) if bl.type == 'MESH' else None,
+            round(bl.data.energy, 4) if bl.type == 'LIGHT' else None,
+            [slot.material.name for slot in bl.material_slots],
+        )
+        for bl in scene.objects
+    }
+
+
+def irradiance_at(scene: Scene, position: Any, normal: Any) -> np.ndarray:
+    """What a small camera just above the surface sees arrive there, (3,) [W/m²]."""
+    z = np.array(normal) / np.linalg.norm(normal)
+    x = np.cross(z, [0.3, 0.9, 0.1])
+    x /= np.linalg.norm(x)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    matrix[:3, 3] = np.array(position) + OFF * z
+    half = WIDE / 2
+    camera = Camera("Meter", "orthographic", matrix, (-half, half, -half, half), (0.0, 2 * OFF))
+    meter = replace(scene, camera=camera, resolution=(8, 8), border=None)
+    film = render(meter, Settings(samples=64, threads=1, per_light=False))
+    assert np.isfinite(film.depth).all(), "nothing where the surface should be"
+    return film.irradiance.mean(axis=(0, 1))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_file_is_what_its_script_builds(name: str) -> None:
+    assert (SCENES / f"{name}.blend").stat().st_size < LARGEST
+    kept = summary(saved(name))
+    built(name)
+    assert kept == summary(bpy.context.scene)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_everything_in_it_is_supported(name: str) -> None:
+    scene = read_scene(saved(name))
+    assert scene.unsupported == ()
+    assert scene.unknown_lights == ()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_engine_finds_the_answers_derived_on_paper(name: str) -> None:
+    answers = built(name)
+    scene = read_scene(saved(name))
+    assert answers
+    for answer in answers:
+        found = irradiance_at(scene, answer.position, answer.normal)
+        assert found == pytest.approx(answer.irradiance, rel=OURS), answer.name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_cycles_agrees_on_the_picture(name: str) -> None:
+    bl_scene = saved(name)
+    ours = render(read_scene(bl_scene, resolution=(48, 32)), Settings(samples=64, threads=2))
+    witness = CyclesWitness(bl_scene, resolution=(48, 32), threads=2)
+    witness.prepare()
+    seen = np.array([witness.render(seed, 16)[..., :3].mean(axis=(0, 1)) for seed in range(4)])
+    assert ours.radiance.mean(axis=(0, 1)) == pytest.approx(seen.mean(axis=0), rel=WITNESS)
+
+
+def test_hundred_has_a_hundred_instances() -> None:
+    scene = read_scene(saved("hundred"))
+    heads = [instance for instance in scene.instances if instance.name == "Head"]
+    assert len(heads) == 100
+    assert len({instance.mesh for instance in heads}) == 1
+
+
+def test_studio_renders_finer_than_it_is_edited() -> None:
+    bl_scene = saved("studio")
+    vase = bl_scene.objects["Vase"]
+    edited = len(vase.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons)
+    scene = read_scene(bl_scene)
+    drawn = next(scene.meshes[i.mesh] for i in scene.instances if i.name == "Vase")
+    assert len(drawn.triangles) == edited * 2 * 4**3
+
+
+def test_benchmark_has_what_it_says(tmp_path: Path) -> None:
+    built("bench")
+    scene = read_scene(bpy.context.scene)
+    assert sum(len(mesh.triangles) for mesh in scene.meshes) == 300_000
+    assert scene.resolution == (640, 480)
+    assert {type(light).__name__ for light in scene.lights}.__len__() == 4
+    assert scene.unsupported == ()
