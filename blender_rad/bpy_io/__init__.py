@@ -4,11 +4,18 @@
 from __future__ import annotations
 
 import atexit
-import sys
 
 from .quiet import quiet_stdout, silence_exit
 
-if "bpy" not in sys.modules:  # as a Python package, which greets and says what it did not free
-    with quiet_stdout():
-        import bpy  # noqa: F401  # pyright: ignore[reportUnusedImport]
-    atexit.register(silence_exit)
+with quiet_stdout():  # as a Python package it greets
+    import bpy
+
+
+def _leave() -> None:
+    """Leave nothing in Blender: 4.5 hangs at exit on a driver that it kept from running."""
+    silence_exit()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+if bpy.app.module:
+    atexit.register(_leave)
