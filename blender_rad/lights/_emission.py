@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from ._base import Array, LightRecord
@@ -31,10 +33,9 @@ def stated_emission(record: LightRecord) -> Array:
 def casts_shadow(record: LightRecord) -> bool:
     """Return whether surfaces hide the light: ``light.use_shadow``, the one switch in 4.5 and 5.2.
 
-    Records that name ``cast_shadow`` (Cycles' own switch in older files) are followed as well.
+    The switch of its own that Cycles had before is gone in both.
     """
-    properties = record.properties
-    return bool(properties.get("use_shadow", True)) and bool(properties.get("cast_shadow", True))
+    return bool(record.properties.get("use_shadow", True))
 
 
 def _temperature_colour(record: LightRecord) -> Array:
@@ -51,7 +52,9 @@ def blackbody_rgb(temperature: float) -> Array:
     Planck's law under the CIE 1931 2° observer at 1 nm; channels outside the gamut are clipped to
     0 and temperatures to 800–12000 K, as Blender does; it agrees with Blender's table to 0.3 %.
     """
-    import colour
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it names the optional packages that it did not find
+        import colour
 
     shape = colour.SpectralShape(360, 830, 1)
     spectrum = colour.sd_blackbody(min(max(temperature, RANGE_K[0]), RANGE_K[1]), shape)

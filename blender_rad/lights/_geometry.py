@@ -237,10 +237,11 @@ def sample_rectangle(
     turn = u[:, 0] * solid_angle - angles[2] - angles[3]
     sin, rise = np.sin(turn), np.cos(turn) * sides[0] + sides[2]
     cos2 = sin * sin / np.maximum(rise * rise + (sides[0] * sin) ** 2, TINY)
-    x = np.copysign(np.sqrt(cos2 * z2 / np.maximum(1.0 - cos2, TINY)), sin * rise)
-    x = np.clip(x, x0, x1)
+    x: Array = np.copysign(np.sqrt(cos2 * z2 / np.maximum(1.0 - cos2, TINY)), sin * rise)
+    x = np.minimum(np.maximum(x, x0), x1)
     d2 = x * x + z2
     low, high = y0 / np.sqrt(d2 + y0 * y0), y1 / np.sqrt(d2 + y1 * y1)
     slope = low + u[:, 1] * (high - low)
-    y = np.clip(slope * np.sqrt(d2 / np.maximum(1.0 - slope * slope, TINY)), y0, y1)
+    y = slope * np.sqrt(d2 / np.maximum(1.0 - slope * slope, TINY))
+    y = np.minimum(np.maximum(y, y0), y1)
     return x, y, solid_angle

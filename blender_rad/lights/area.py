@@ -10,7 +10,7 @@ Blender property    unit                    meaning
 `shape`                                     SQUARE, RECTANGLE, DISK (`size` its diameter), ELLIPSE
 `size`, `size_y`    bu                      extents along x and y, times the object's scale
 `spread`            rad                     s, full angle of the beam; π is Lambertian
-`is_portal`                                 a guide for sampling the world, emits nothing
+`cycles.is_portal`                          a guide for sampling the world, emits nothing
 =================== ======================= ====================================================
 
 Derivation. A Lambertian emitter has Φ = πLA. A spread of half angle h = s/2 dims the radiance as
@@ -261,7 +261,7 @@ class AreaLight(Light):
         size_y = float(properties["size_y"]) if shape in ("RECTANGLE", "ELLIPSE") else size
         u, v, z = matrix[:3, 0] * size, matrix[:3, 1] * size_y, matrix[:3, 2]
         volume = np.linalg.norm(u) * np.linalg.norm(v) * np.linalg.norm(z)
-        if not rgb.any() or volume == 0.0 or properties.get("is_portal", False):
+        if not rgb.any() or volume == 0.0 or properties.get("cycles.is_portal", False):
             return None
         axes = np.stack([u, v, z]) / np.linalg.norm(np.stack([u, v, z]), axis=1, keepdims=True)
         sheared = np.abs(axes @ axes.T - np.eye(3)).max() > ORTHOGONAL

@@ -45,16 +45,26 @@ class MeshLight(Light):
     @cached_property
     def _normals(self) -> Array:
         """Normals (m, 3) of twice the triangles' areas."""
-        corner = self.triangles[:, 0]
-        return np.cross(self.triangles[:, 1] - corner, self.triangles[:, 2] - corner)
+        corners: Array = self.triangles.astype(np.float64)
+        edges: Array = corners[:, 1:] - corners[:, :1]
+        normals: Array = np.cross(edges[:, 0], edges[:, 1])
+        return normals
 
     @cached_property
     def _cumulative(self) -> Array:
         """Cumulated areas (m,) [bu²]."""
-        return np.cumsum(0.5 * np.sqrt(geometry.dot(self._normals, self._normals)))
+        areas: Array = 0.5 * np.sqrt(geometry.dot(self._normals, self._normals))
+        return np.cumsum(areas)
+
+    @property
+    def _area(self) -> float:
+        return float(self._cumulative[-1]) if len(self.triangles) else 0.0
 
     def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
-        total = self._cumulative[-1]
+        total = self._area
+        if total == 0.0:
+            nothing = np.zeros(len(points))
+            return LightSample(normals.copy(), nothing, nothing, nothing)
         at = u[:, 0] * total
         i = np.minimum(np.searchsorted(self._cumulative, at, side="right"), len(self.triangles) - 1)
         area = np.diff(self._cumulative, prepend=0.0)[i]
@@ -105,7 +115,7 @@ class MeshLight(Light):
         return np.min(np.where(hit, t, np.inf), axis=1)
 
     def radiant_flux(self) -> Array:
-        return self.rgb * (2.0 * np.pi * float(self._cumulative[-1]))
+        return self.rgb * (2.0 * np.pi * self._area)
 
     @classmethod
     def examples(cls) -> list[Light]:

@@ -114,8 +114,10 @@ class SpotLight(PointLight):
         return np.where(lit, whole, np.where(dark, 0.0, np.nan))
 
     def radiant_flux(self) -> Array:
-        rule = np.polynomial.legendre.leggauss(64)  # pyright: ignore[reportUnknownMemberType]
-        nodes, weights = cast("tuple[Array, Array]", rule)
+        nodes, weights = cast(
+            "tuple[Array, Array]",
+            np.polynomial.legendre.leggauss(64),  # pyright: ignore[reportUnknownMemberType]
+        )
         c = self.cos_half_angle
         edges = np.array([c, c + (1.0 - c) * self.blend, 1.0])
         span = np.diff(edges)

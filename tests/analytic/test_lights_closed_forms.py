@@ -328,7 +328,7 @@ def brute_force(light: Light, place: np.ndarray, normal: np.ndarray, axis: np.nd
     Directions are (azimuth about `axis`, polar angle); along each meridian the edge of the light
     and of the horizon is found by bisection of the integrand's support from the axis outwards.
     """
-    azimuths, nodes = 2048, 48
+    azimuths, nodes = 8192, 20
     x, w = np.polynomial.legendre.leggauss(nodes)
     phi = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
     frame = np.linalg.svd(axis[None])[2][1:]
@@ -340,7 +340,7 @@ def brute_force(light: Light, place: np.ndarray, normal: np.ndarray, axis: np.nd
         return radiance * np.maximum(wi @ normal, 0.0)
 
     inner, outer = np.zeros(azimuths), np.full(azimuths, np.pi)
-    for _ in range(50):
+    for _ in range(36):
         middle = 0.5 * (inner + outer)
         lit = values(middle) > 0.0
         inner, outer = np.where(lit, middle, inner), np.where(lit, outer, middle)
@@ -363,7 +363,7 @@ BRUTE_CASES = [
 @pytest.mark.parametrize("light", BRUTE_CASES)
 def test_closed_forms_by_brute_force(light: Light, rng: np.random.Generator) -> None:
     tried = 0
-    for place in ((-0.9, 0.0, 0.1), (-0.4, 0.5, 0.3), (-1.2, -0.4, -0.5)):
+    for place in ((-0.9, 0.0, 0.1), (-0.4, 0.5, 0.3)):
         point = np.array(place)
         target = np.array([0.2, -0.1, 1.5])
         if light.kind == 'MESH':
@@ -371,7 +371,7 @@ def test_closed_forms_by_brute_force(light: Light, rng: np.random.Generator) -> 
         axis = light.towards if light.kind == 'SUN' else target - point
         axis = axis / np.linalg.norm(axis)
         across = np.linalg.svd(axis[None])[2][1]
-        for tilt in (0.0, 0.9, 1.5):  # the axis stays above the horizon, so that support is a star
+        for tilt in (0.6, 1.5):  # the axis stays above the horizon, so that support is a star
             normal = np.cos(tilt) * axis + np.sin(tilt) * across
             exact = light.irradiance(point[None], normal[None])
             assert exact is not None
@@ -431,10 +431,10 @@ def test_blackbody_has_luminance_one_and_blenders_colour() -> None:
 def test_what_emits_nothing_is_no_light() -> None:
     flat = np.diag([1.0, 1.0, 0.0, 1.0])
     area = {"shape": 'SQUARE', "size": 1.0}
-    spot = {"spot_size": 1.0}
+    spot, portal = {"spot_size": 1.0}, {"cycles.is_portal": True}
     assert light_from_record(record('POINT', energy=0.0), "cycles") is None
     assert light_from_record(record('AREA', flat, energy=1.0, **area), "cycles") is None
-    assert light_from_record(record('AREA', energy=1.0, is_portal=True, **area), "cycles") is None
+    assert light_from_record(record('AREA', energy=1.0, **portal, **area), "cycles") is None
     assert light_from_record(record('SPOT', flat, energy=1.0, **spot), "cycles") is None
     assert light_from_record(record('SUN', flat, energy=1.0), "cycles") is None
     assert light_from_record(record('POINT', flat, energy=1.0), "cycles") is not None

@@ -273,7 +273,7 @@ def build(stage: Stage, wanted: Case) -> LightRecord:
         if p.type in ('BOOLEAN', 'INT', 'FLOAT', 'ENUM') and p.identifier != "use_nodes"
     ]
     properties = {name: getattr(light, name) for name in scalars}
-    properties["is_portal"] = light.cycles.is_portal
+    properties["cycles.is_portal"] = light.cycles.is_portal
     matrix = np.array(stage.light.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)
     return LightRecord("Light", wanted.kind, properties, matrix, 1.0, bpy.app.version)
 
