@@ -277,14 +277,13 @@ class Reader:
             self.findings.append(Finding("hidden-light", "warning", facts.name, message))
 
     def _add_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
-        version = tuple(bpy.app.version)
         camera = facts.visible["camera"]
         record = light_record(
             shown,
             facts.name,
             world,
             unit_scale_m=self.unit_scale_m,
-            version=version,
+            version=blender_version(),
             visible_camera=camera,
         )
         numbers = [v for v in record.properties.values() if isinstance(v, float)]
@@ -297,6 +296,12 @@ class Reader:
 
     def _left_out(self, name: str, why: str) -> None:
         self.findings.append(Finding("not-finite", "warning", name, f"left out: {why}"))
+
+
+def blender_version() -> tuple[int, int, int]:
+    """Return such as (4, 5, 15)."""
+    major, minor, patch = bpy.app.version
+    return (major, minor, patch)
 
 
 def _adaptive(shown: Any, scene: Any) -> bool:

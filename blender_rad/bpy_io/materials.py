@@ -88,7 +88,7 @@ def clay(surface: Surface) -> Material:
     unknown = surface.unknown_emission
     return Material(
         name=surface.name,
-        albedo=(CLAY_ALBEDO,) * 3 if reflects else BLACK,
+        albedo=nodes.grey(CLAY_ALBEDO) if reflects else BLACK,
         emission=surface.emission,
         emission_known=not unknown,
         unsupported=(Unsupported("material", surface.name, unknown),) if unknown else (),
@@ -111,7 +111,7 @@ def surface_of(bl_material: Any | None) -> Surface:
 def _empty_slot() -> Surface:
     if bpy.app.version >= (5, 0):
         return Surface(DEFAULT_NAME, reflects=True, features=("Principled BSDF (default)",))
-    return Surface(DEFAULT_NAME, albedo=(DEFAULT_ALBEDO,) * 3, reflects=True)
+    return Surface(DEFAULT_NAME, albedo=nodes.grey(DEFAULT_ALBEDO), reflects=True)
 
 
 def _from_output(bl_material: Any, output: Any) -> Surface:

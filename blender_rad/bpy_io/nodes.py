@@ -81,7 +81,7 @@ def colour(socket: Any, groups: Groups = ()) -> Triple | None:
     """Return the constant colour that `socket` gets, None when it is not constant."""
     value = _constant(socket, groups)
     if value is None or isinstance(value, int | float):
-        return None if value is None else (float(value),) * 3
+        return None if value is None else grey(float(value))
     return (float(value[0]), float(value[1]), float(value[2]))
 
 
@@ -108,17 +108,14 @@ def leaves(socket: Any, groups: Groups = (), weight: float | None = 1.0) -> Iter
             yield from leaves(branch, groups, weight)
     elif node.bl_idname == "ShaderNodeMixShader":
         factor = number(node.inputs[0], groups)
-        shares = (None, None) if factor is None else (1 - _unit(factor), _unit(factor))
-        for branch, share in zip((node.inputs[1], node.inputs[2]), shares, strict=True):
+        second = None if factor is None else min(max(factor, 0.0), 1.0)
+        first = None if second is None else 1.0 - second
+        for branch, share in ((node.inputs[1], first), (node.inputs[2], second)):
             if share != 0.0:
-                known = share is not None and weight is not None
-                yield from leaves(branch, groups, weight * share if known else None)
+                product = None if share is None or weight is None else weight * share
+                yield from leaves(branch, groups, product)
     else:
         yield Leaf(node, weight, groups)
-
-
-def _unit(factor: float) -> float:
-    return min(max(factor, 0.0), 1.0)
 
 
 def input_number(leaf: Leaf, name: str, missing: float = 0.0) -> float | None:
@@ -139,6 +136,11 @@ def leaf_emission(leaf: Leaf, strength: str = "Strength", tint: str = "Color") -
         return None
     scale = leaf.weight * power
     return (scale * rgb[0], scale * rgb[1], scale * rgb[2])
+
+
+def grey(value: float) -> Triple:
+    """Return `value` in all three channels."""
+    return (value, value, value)
 
 
 def total(parts: Iterable[Triple]) -> Triple:

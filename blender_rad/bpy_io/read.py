@@ -15,7 +15,7 @@ from ..errors import Finding, RadError
 from ..lights import Model
 from ..scene import REC709_LUMINANCE, Scene
 from .cameras import read_camera
-from .instances import Reader
+from .instances import Reader, blender_version
 from .materials import Shading
 from .open import SOURCE_KEY, file_findings
 from .session import in_render
@@ -107,7 +107,7 @@ def read_depsgraph(
         working_space=space,
         chromaticities=WORKING_SPACES[space].chromaticities,
         luminance_weights=WORKING_SPACES[space].luminance_weights,
-        blender_version=tuple(bpy.app.version),
+        blender_version=blender_version(),
         unknown_lights=tuple(reader.unknown_lights),
         unsupported=(
             *reader.unsupported,
@@ -149,9 +149,9 @@ def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | N
     """Return the render border in pixels, cut in single precision as Blender does."""
     if not render.use_border:
         return None
-    low = np.float32([render.border_min_x, render.border_min_y]) * np.float32(size)
-    high = np.float32([render.border_max_x, render.border_max_y]) * np.float32(size)
-    return (int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+    corners = (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y)
+    x0, y0, x1, y1 = np.array(corners, np.float32) * np.array((*size, *size), np.float32)
+    return (int(x0), int(y0), int(x1), int(y1))
 
 
 def _motion_blur(render: Any) -> list[Finding]:

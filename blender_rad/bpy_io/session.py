@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import bpy
 
@@ -34,9 +34,9 @@ def in_render(bl_scene: Any, layer: str, work: Callable[[Any], T]) -> T:
     errors: list[BaseException] = []
 
     class Reader(bpy.types.RenderEngine):
-        bl_idname: ClassVar[str] = _ENGINE
-        bl_label: ClassVar[str] = "Radiometric reader"
-        bl_use_postprocess: ClassVar[bool] = False  # no compositor, no sequencer, no camera needed
+        bl_idname = _ENGINE
+        bl_label = "Radiometric reader"
+        bl_use_postprocess = False  # no compositor, no sequencer, no camera needed
 
         def render(self, depsgraph: Any) -> None:
             if results or errors:

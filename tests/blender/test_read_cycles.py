@@ -90,6 +90,32 @@ def test_pixels_of_cycles_lie_on_our_rays(kind: str, size: str, tmp_path: Path) 
     assert strayed(scene, tmp_path).max() < PIXEL
 
 
+@pytest.mark.parametrize("size", FRAMES)
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_planes_are_those_of_blender(kind: str, size: str) -> None:
+    empty_scene()
+    placed = camera(**CAMERAS[kind])
+    frame(*FRAMES[size])
+    scene = read_scene(bpy.context.scene)
+    assert scene.camera is not None
+    left, right, bottom, top = scene.camera.plane
+    wide, high, aspect_x, aspect_y = FRAMES[size]
+    projection = np.array(
+        placed.calc_matrix_camera(
+            bpy.context.evaluated_depsgraph_get(),
+            x=wide,
+            y=high,
+            scale_x=aspect_x,
+            scale_y=aspect_y,
+        )
+    )
+    corners = np.array([(x, y, -1, 1) for x in (left, right) for y in (bottom, top)])
+    seen = corners @ projection.T
+    np.testing.assert_allclose(
+        seen[:, :2] / seen[:, 3:], [(-1, -1), (-1, 1), (1, -1), (1, 1)], atol=1e-5
+    )
+
+
 def test_resolution_percentage_cuts_pixels(tmp_path: Path) -> None:
     empty_scene()
     add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
@@ -217,4 +243,26 @@ def test_normals_of_divided_meshes_are_those_of_cycles(
     camera()
     frame(48, 36, 1, 1)
     errors = normal_errors(read_scene(bpy.context.scene), tmp_path, "One")
+    assert np.quantile(errors, 0.99) < NORMAL
+
+
+@pytest.mark.parametrize("change", [sharp_edges, custom_corners])
+def test_normals_of_divided_meshes_in_geometry_nodes(change: Any, tmp_path: Path) -> None:
+    empty_scene()
+    mesh = sphere("Sphere")
+    change(mesh)
+    source = bpy.data.objects.new("Source", mesh)
+    tree = bpy.data.node_groups.new("Place", 'GeometryNodeTree')
+    tree.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
+    found = tree.nodes.new("GeometryNodeObjectInfo")
+    found.inputs["Object"].default_value = source
+    found.inputs["As Instance"].default_value = True
+    end = tree.nodes.new("NodeGroupOutput")
+    tree.links.new(found.outputs["Geometry"], end.inputs[0])
+    host = add("Host", polygons("Host", *SQUARE), scale=(1.5, 1, 0.7))
+    host.modifiers.new("Place", 'NODES').node_group = tree
+    camera()
+    frame(48, 36, 1, 1)
+    scene = read_scene(bpy.context.scene)
+    errors = normal_errors(scene, tmp_path, scene.instances[0].name)
     assert np.quantile(errors, 0.99) < NORMAL
