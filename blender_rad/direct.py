@@ -124,7 +124,8 @@ class DirectLight:
             sample = emitter.light.sample(surface.point, surface.normal, uniform(number))
             cosine = dot(surface.normal, sample.wi)
             value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
-            value *= self._terminator_shading(surface, cosine)
+            if self.geometry.shading_is_shifted:
+                value *= self._terminator_shading(surface, cosine)
             lit = np.flatnonzero(value)
             if not len(lit):
                 continue
@@ -146,16 +147,14 @@ class DirectLight:
         if emitter.light.is_delta:
             return None
         exact = emitter.light.irradiance(surface.point, surface.normal)
-        frequency = self.geometry.shading_frequency[surface.instance]
-        if exact is not None and np.any(frequency != 1.0):
+        if exact is not None and self.geometry.shading_is_shifted:
+            frequency = self.geometry.shading_frequency.take(surface.instance)
             exact = np.where(frequency == 1.0, exact, np.nan)
         return exact
 
-    def _terminator_shading(self, surface: Surface, cosine: Floats) -> Floats | float:
+    def _terminator_shading(self, surface: Surface, cosine: Floats) -> Floats:
         """Return Cycles' shading offset of the shadow terminator, cos(kθ)/cosθ, (n,)."""
-        frequency = self.geometry.shading_frequency[surface.instance]
-        if np.all(frequency == 1.0):
-            return 1.0
+        frequency = self.geometry.shading_frequency.take(surface.instance)
         angle = np.arccos(np.clip(cosine, -1.0, 1.0))
         shifted = np.maximum(np.cos(angle * frequency), 0.0)
         ratio = np.divide(shifted, cosine, out=np.ones_like(cosine), where=cosine > 0.0)
@@ -167,15 +166,19 @@ class DirectLight:
         """Return for the points `lit` whether they see their light sample, and what is open."""
         if not emitter.light.cast_shadow:
             return np.ones(len(lit), dtype=bool), []
-        part = surface.take(lit)
-        wi, distance = sample.wi[lit], sample.distance[lit]
+        part, wi, distance = surface, sample.wi, sample.distance
+        if len(lit) < len(distance):
+            part, wi, distance = part.take(lit), wi.take(lit, axis=0), distance.take(lit)
         origins = self.geometry.shadow_origins(part, wi)
         near = np.isfinite(distance)
-        reach = np.where(near, distance, 0.0)[:, None]
-        target = np.where(near[:, None], part.point + wi * reach - origins, wi)
-        length = np.sqrt(dot(target, target))
-        directions = target / np.maximum(length, 1e-300)[:, None]
-        reach = np.where(near, length * (1.0 - TARGET_SHORTENING) - part.epsilon, np.inf)
+        if near.any():
+            target = part.point + wi * np.where(near, distance, 1.0)[:, None] - origins
+            length = np.sqrt(dot(target, target))
+            directions = target / np.maximum(length, 1e-300)[:, None]
+            directions = np.where(near[:, None], directions, wi)
+            reach = np.where(near, length * (1.0 - TARGET_SHORTENING) - part.epsilon, np.inf)
+        else:
+            directions, reach = wi, distance
         seen = ~self.visibility.opaque.occluded(origins, directions, np.maximum(reach, 0.0))
         return seen, self._open(lit, seen, origins, directions, reach)
 

@@ -24,7 +24,7 @@ from .direct import DirectLight
 from .errors import RadError
 from .film import Film, neighbourhood_mean
 from .rays import Hits
-from .sampling import MAX_POINTS, points
+from .sampling import MAX_POINTS, Points
 from .scene import Camera, Scene, Unsupported
 from .surfaces import Surface
 
@@ -93,24 +93,34 @@ def render(
 
 
 class _Batch:
-    """Camera samples of some pixels, and what was found for them; a row a sample.
+    """Camera samples of some pixels, the streams of a pixel side by side.
 
-    The samples of a pixel, one a stream, lie side by side.
+    Attributes
+    ----------
+    rows : (p,) pixels; there are `streams` samples of each.
+    hits : (k,) samples that met a surface.
     """
 
-    def __init__(self, rows: Ints, streams: int) -> None:
-        self.rows, self.streams = rows, streams
-        count = len(rows) * streams
-        self.reflected = np.zeros((count, 3))
-        self.seen = np.zeros((count, 3))
-        self.irradiance = np.zeros((count, 3))
-        self.normal = np.zeros((count, 3))
-        self.alpha = np.zeros(count)
-        self.depth = np.full(count, np.inf)
+    def __init__(self, rows: Ints, streams: int, hits: Ints) -> None:
+        self.rows, self.streams, self.hits = rows, streams, hits
+        self.count = len(rows) * streams
+        self.pixel_of_hit = hits // streams
+
+    def spread(self, values: Floats) -> Floats:
+        """Return `values` (k, ...) of hits as (samples, ...), 0 elsewhere."""
+        if len(self.hits) == self.count:
+            return values
+        whole = np.zeros((self.count, *values.shape[1:]))
+        whole[self.hits] = values
+        return whole
 
     def by_pixel(self, values: Floats) -> Floats:
         """Return `values` (samples, ...) as (pixels, streams, ...)."""
         return values.reshape(len(self.rows), self.streams, *values.shape[1:])
+
+    def total(self, values: Floats) -> Floats:
+        """Return the sums (pixels, ...) of `values` (samples, ...)."""
+        return np.einsum("ps...->p...", self.by_pixel(values))
 
 
 class _Pixels:
@@ -120,8 +130,8 @@ class _Pixels:
     """
 
     def __init__(self, layers: int, count: int) -> None:
-        self.streams = np.zeros((STREAMS, count, 3))
-        self.taken = np.zeros((STREAMS, count), dtype=np.int64)
+        self.streams = np.zeros((count, STREAMS, 3))
+        self.taken = np.zeros((count, STREAMS), dtype=np.int64)
         self.lights = np.zeros((layers, count, 3), dtype=np.float32)
         self.seen = np.zeros((count, 3))
         self.irradiance = np.zeros((count, 3))
@@ -129,40 +139,21 @@ class _Pixels:
         self.alpha = np.zeros(count)
         self.depth = np.full(count, np.inf)
 
-    def add(self, batch: _Batch) -> None:
-        """Add the sums of a batch to those of its pixels."""
-        rows = batch.rows
-        radiance = batch.by_pixel(batch.reflected + batch.seen)
-        self.streams[: batch.streams, rows] += radiance.swapaxes(0, 1)
-        self.taken[: batch.streams, rows] += 1
-        for name in ("seen", "irradiance", "normal", "alpha"):
-            getattr(self, name)[rows] += batch.by_pixel(getattr(batch, name)).sum(axis=1)
-        self.depth[rows] = np.minimum(self.depth[rows], batch.by_pixel(batch.depth).min(axis=1))
-
-    def add_light(self, batch: _Batch, samples: Ints, layer: int, reflected: Floats) -> None:
-        """Add what `samples` of a batch reflect of one light."""
-        whole = np.zeros_like(batch.reflected)
-        whole[samples] = reflected
-        self.lights[layer, batch.rows] += batch.by_pixel(whole).sum(axis=1)
-
     @property
     def samples(self) -> Ints:
         """Camera samples (n,) a pixel."""
-        return np.asarray(self.taken.sum(axis=0))
+        return np.asarray(self.taken.sum(axis=1))
 
     def mean(self) -> Floats:
         """Radiance (n, 3)."""
-        return self.streams.sum(axis=0) / np.maximum(self.samples, 1)[:, None]
+        return np.einsum("nsk->nk", self.streams) / np.maximum(self.samples, 1)[:, None]
 
     def variance(self) -> Floats:
         """Variance (n, 3) of the mean, from the spread of the streams; nan with a single one."""
         mean, total = self.mean(), self.samples
-        used = (self.taken > 0).sum(axis=0)
-        spread = np.zeros_like(mean)
-        for stream, taken in zip(self.streams, self.taken, strict=True):
-            count = np.maximum(taken, 1)[:, None]
-            spread += taken[:, None] * (stream / count - mean) ** 2
-        freedom = ((used - 1) * total).astype(float)
+        own = self.streams / np.maximum(self.taken, 1)[:, :, None] - mean[:, None]
+        spread = np.einsum("ns,nsk->nk", self.taken, own**2)
+        freedom = ((np.count_nonzero(self.taken, axis=1) - 1) * total).astype(float)
         return spread / np.where(freedom > 0, freedom, np.nan)[:, None]
 
 
@@ -227,7 +218,7 @@ class _Run:
         ratio = np.divide(variance, signal, out=np.zeros_like(variance), where=signal > 0)
         if np.mean(ratio) <= error**2:
             return np.zeros(len(mean), dtype=np.int64), 1.0
-        taken = self.sums.taken[0]
+        taken = self.sums.taken[:, 0]
         spread = self._framed(ratio.mean(axis=1) * taken)
         one_round = np.sqrt(neighbourhood_mean(spread, self.inside).reshape(-1)[self.place])
         wanted = one_round * (np.mean(one_round) / error**2)
@@ -256,7 +247,7 @@ class _Run:
     def _batch(self, rows: Ints, streams: int) -> None:
         if self.cancel.is_set():
             raise CancelledError
-        if time.monotonic() > self.deadline and self.sums.taken[0, rows].all():
+        if time.monotonic() > self.deadline and self.sums.taken[rows, 0].all():
             self.late = True
             return
         self._trace(rows, streams)
@@ -265,58 +256,66 @@ class _Run:
 
     def _trace(self, rows: Ints, streams: int) -> None:
         """Take one sample of each of the first `streams` streams for the pixels `rows` (p,)."""
-        pixel = np.repeat(self.place[rows], streams)  # streams of a pixel lie side by side
+        pixel = np.repeat(self.place[rows], streams)
         stream = np.tile(np.arange(streams), len(rows))
-        index = self.sums.taken[:streams, rows].T.reshape(-1)
-
-        def uniform(dimension: int) -> Floats:
-            return points(pixel, stream, index, dimension, self.settings.seed)
-
-        batch = _Batch(rows, streams)
-        rays = camera_rays(self.camera, self.scene.resolution, self._positions(pixel, uniform(0)))
+        index = self.sums.taken[rows, :streams].reshape(-1)
+        uniform = Points(pixel, stream, index, self.settings.seed)
+        where = self._positions(pixel, uniform.pair(0))
+        rays = camera_rays(self.camera, self.scene.resolution, where)
         hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
         met = (hits.instance >= 0) & (hits.distance <= rays.reach)
-        self._see_background(batch, rays, met, hits.distance)
-        samples = np.flatnonzero(met)
-        if len(samples):
-            mine = Hits(*(each[samples] for each in hits))
-            surface = self.light.geometry.surface(mine, rays.directions[samples])
-            self._see_surface(batch, samples, surface)
-            self._gather(batch, samples, surface, lambda number: uniform(number + 1)[samples])
-        self.sums.add(batch)
+        batch = _Batch(rows, streams, np.flatnonzero(met))
+        radiance = self._background(batch, rays, met, hits.distance)
+        if len(batch.hits):
+            mine = Hits(*(each.take(batch.hits) for each in hits))
+            surface = self.light.geometry.surface(mine, rays.directions.take(batch.hits, axis=0))
+            radiance += batch.spread(self._surfaces(batch, surface))
+            radiance += batch.spread(self._reflected(batch, surface, uniform))
+        sums = self.sums
+        sums.streams[rows, :streams] += batch.by_pixel(radiance)
+        sums.taken[rows, :streams] += 1
 
-    def _see_surface(self, batch: _Batch, samples: Ints, surface: Surface) -> None:
-        """Note what the camera sees of the surfaces themselves."""
-        batch.seen[samples] += self.emission[surface.material]
-        batch.normal[samples] = surface.normal
-        batch.depth[samples] = view_depth(self.camera, surface.point)
-        for material in np.unique(surface.material):
+    def _surfaces(self, batch: _Batch, surface: Surface) -> Floats:
+        """Return the emission (k, 3) that is seen; note normals, depth and what is excluded."""
+        sums, rows = self.sums, batch.rows
+        sums.normal[rows] += batch.total(batch.spread(surface.normal))
+        depth = np.full(batch.count, np.inf)
+        depth[batch.hits] = view_depth(self.camera, surface.point)
+        sums.depth[rows] = np.minimum(sums.depth[rows], batch.by_pixel(depth).min(axis=1))
+        for material in np.flatnonzero(np.bincount(surface.material)):
             for cause in self.unsupported[material]:
-                self._exclude(batch, samples[surface.material == material], cause)
+                self._exclude(batch, batch.hits[surface.material == material], cause)
+        emission = self.emission.take(surface.material, axis=0)
+        if self.emission.any():
+            sums.seen[rows] += batch.total(batch.spread(emission))
+        return emission
 
-    def _gather(
-        self,
-        batch: _Batch,
-        samples: Ints,
-        surface: Surface,
-        uniform: Callable[[int], Floats],
-    ) -> None:
-        """Add the light that the surfaces reflect."""
-        brdf = self.albedo[surface.material] / np.pi
-        pixel = samples // batch.streams
-        group = np.cumsum(np.diff(pixel, prepend=pixel[0]) != 0)
-        for arrival in self.light.arrivals(surface, group, uniform):
+    def _reflected(self, batch: _Batch, surface: Surface, uniform: Points) -> Floats:
+        """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
+        sums, rows = self.sums, batch.rows
+        brdf = (self.albedo / np.pi).take(surface.material, axis=0)
+        group = np.cumsum(np.diff(batch.pixel_of_hit, prepend=batch.pixel_of_hit[0]) != 0)
+        everything = len(batch.hits) == batch.count
+
+        def random(number: int) -> Floats:
+            pairs = uniform.pair(number + 1)
+            return pairs if everything else pairs.take(batch.hits, axis=0)
+
+        irradiance, reflected = np.zeros_like(brdf), np.zeros_like(brdf)
+        for arrival in self.light.arrivals(surface, group, random):
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:
-                self._exclude(batch, samples[exclusion.rows], exclusion.cause)
+                self._exclude(batch, batch.hits[exclusion.rows], exclusion.cause)
             if emitter.layer < 0:
                 continue
-            irradiance = arrival.irradiance[:, None] * emitter.light.rgb
-            batch.irradiance[samples] += irradiance
-            reflected = brdf * irradiance
-            batch.reflected[samples] += reflected
+            arriving = arrival.irradiance[:, None] * emitter.light.rgb
+            irradiance += arriving
+            arriving *= brdf
+            reflected += arriving
             if self.settings.per_light:
-                self.sums.add_light(batch, samples, emitter.layer, reflected)
+                sums.lights[emitter.layer, rows] += batch.total(batch.spread(arriving))
+        sums.irradiance[rows] += batch.total(batch.spread(irradiance))
+        return reflected
 
     def _positions(self, pixel: Ints, jitter: Floats) -> Floats:
         """Return picture positions (n, 2), y up, of a box filter one pixel wide."""
@@ -324,23 +323,28 @@ class _Run:
         row, column = np.divmod(pixel, width)
         return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]], axis=-1)
 
-    def _see_background(
+    def _background(
         self, batch: _Batch, rays: CameraRays, met: Bools, distance: Floats
-    ) -> None:
-        """Note what the camera sees besides surfaces: the world, and lights that show."""
+    ) -> Floats:
+        """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""
         world, transparent = self.scene.world, self.scene.film_transparent
-        batch.alpha[:] = met if transparent else 1.0
-        if world.visible_camera and not transparent:
+        alpha = met.astype(float) if transparent else np.ones(batch.count)
+        self.sums.alpha[batch.rows] += batch.total(alpha)
+        radiance = np.zeros((batch.count, 3))
+        if world.visible_camera and not transparent and not met.all():
             if world.known:
-                batch.seen[~met] = world.radiance
+                radiance[~met] = world.radiance
             for cause in world.unsupported:
                 self._exclude(batch, np.flatnonzero(~met), cause)
         before = np.where(met, distance, rays.reach)
         for light in self.scene.lights:
             if light.visible_camera:
-                at, radiance = light.intersect(rays.origins, rays.directions)
-                shown = np.where(np.isinf(at), ~met, at < before)
-                batch.seen += np.where(shown, radiance, 0.0)[:, None] * light.rgb
+                at, shown = light.intersect(rays.origins, rays.directions)
+                in_view = np.where(np.isinf(at), ~met, at < before)
+                radiance += np.where(in_view, shown, 0.0)[:, None] * light.rgb
+        if radiance.any():
+            self.sums.seen[batch.rows] += batch.total(radiance)
+        return radiance
 
     def _exclude(self, batch: _Batch, samples: Ints, cause: Unsupported) -> None:
         if len(samples):

@@ -25,9 +25,12 @@ MAX_POINTS = 1 << _INDEX_BITS
 
 
 def _reverse_bits(x: Words) -> Words:
-    x = ((x >> 1) & np.uint32(0x55555555)) | ((x & np.uint32(0x55555555)) << 1)
-    x = ((x >> 2) & np.uint32(0x33333333)) | ((x & np.uint32(0x33333333)) << 2)
-    x = ((x >> 4) & np.uint32(0x0F0F0F0F)) | ((x & np.uint32(0x0F0F0F0F)) << 4)
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F)):
+        high = x >> np.uint32(shift)
+        high &= np.uint32(mask)
+        x = x & np.uint32(mask)
+        x <<= np.uint32(shift)
+        x |= high
     return x.byteswap()
 
 
@@ -49,43 +52,50 @@ _FIRST_REVERSED, _SECOND_REVERSED = _sobol_tables()
 def _owen_mix(reversed_bits: Words, seed: Words) -> Words:
     """Scramble bit-reversed words so that each bit depends on itself and those below alone."""
     x = reversed_bits ^ (reversed_bits * np.uint32(0x3D20ADEA))
-    x = x + seed
-    x *= (seed >> 16) | np.uint32(1)
+    x += seed
+    x *= (seed >> np.uint32(16)) | np.uint32(1)
     x ^= x * np.uint32(0x05526C56)
     x ^= x * np.uint32(0x53A22864)
     return x
 
 
-def hash_words(*parts: Any) -> Words:
-    """Return one well-mixed uint32 an element from integers or integer arrays that broadcast."""
-    h = np.uint32(0x9E3779B9)
-    with np.errstate(over="ignore"):
-        for part in parts:
-            h = h ^ (np.asarray(part).astype(np.uint32) * np.uint32(0xCC9E2D51))
-            h = (h ^ (h >> np.uint32(16))) * np.uint32(0x85EBCA6B)
-            h = (h ^ (h >> np.uint32(13))) * np.uint32(0xC2B2AE35)
-            h = h ^ (h >> np.uint32(16))
-    return np.asarray(h)
+def _mixed(words: Words) -> Words:
+    """Return well-mixed words, each from its own (the finaliser of MurmurHash3)."""
+    h = words ^ (words >> np.uint32(16))
+    h *= np.uint32(0x85EBCA6B)
+    h ^= h >> np.uint32(13)
+    h *= np.uint32(0xC2B2AE35)
+    h ^= h >> np.uint32(16)
+    return h
 
 
-def points(
-    pixel: NDArray[Any], stream: NDArray[Any], index: NDArray[Any], dimension: int, seed: int
-) -> NDArray[np.float64]:
-    """Return points (n, 2) in [0, 1) of the pair `dimension`.
+class Points:
+    """One point of each of many sequences, in as many dimensions as are asked for.
 
     Parameters
     ----------
-    pixel, stream, index : (n,) integers; `index` below `MAX_POINTS` numbers the points of a stream.
-    dimension : which pair of dimensions.
+    pixel, stream, index : (n,) integers; `index` below `MAX_POINTS` numbers the points of the
+        sequence that `pixel` and `stream` stand for.
     seed : of the whole run.
     """
-    key = hash_words(pixel, stream, np.uint32(dimension), np.uint32(seed & _ALL))
-    with np.errstate(over="ignore"):
-        order = _reverse_bits(_owen_mix(_reverse_bits(index.astype(np.uint32)), key))
+
+    def __init__(
+        self, pixel: NDArray[Any], stream: NDArray[Any], index: NDArray[Any], seed: int
+    ) -> None:
+        start = np.full(1, seed & 0xFFFFFFFF, dtype=np.uint32)
+        self._key = _mixed(start) ^ (pixel.astype(np.uint32) * np.uint32(0x9E3779B1))
+        self._key = _mixed(self._key) ^ (stream.astype(np.uint32) * np.uint32(0x85EBCA77))
+        self._key = _mixed(self._key)
+        self._index = _reverse_bits(index.astype(np.uint32))
+
+    def pair(self, dimension: int) -> NDArray[np.float64]:
+        """Return points (n, 2) in [0, 1) of the pair `dimension`."""
+        key = _mixed(self._key + np.uint32((dimension * 0xC2B2AE3D + 1) & 0xFFFFFFFF))
+        order = _reverse_bits(_owen_mix(self._index, key))
         order &= np.uint32(MAX_POINTS - 1)
-        x = _reverse_bits(_owen_mix(_FIRST_REVERSED[order], hash_words(key, 1)))
-        y = _reverse_bits(_owen_mix(_SECOND_REVERSED[order], hash_words(key, 2)))
-    return np.stack([x, y], axis=-1) * 2.0**-32
-
-
-_ALL = 0xFFFFFFFF
+        result = np.empty((len(order), 2))
+        for axis, table in enumerate((_FIRST_REVERSED, _SECOND_REVERSED)):
+            own = _mixed(key + np.uint32(0x27D4EB2F * (axis + 1) & 0xFFFFFFFF))
+            result[:, axis] = _reverse_bits(_owen_mix(table.take(order), own))
+        result *= 2.0**-32
+        return result

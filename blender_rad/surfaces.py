@@ -57,7 +57,7 @@ class Surface:
 
     def take(self, rows: Ints) -> Surface:
         """Return the points `rows` (k,) alone."""
-        return Surface(*(getattr(self, each.name)[rows] for each in fields(self)))
+        return Surface(*(getattr(self, each.name).take(rows, axis=0) for each in fields(self)))
 
 
 def dot(a: Floats, b: Floats) -> Floats:
@@ -75,8 +75,9 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 def normalized(vectors: Floats) -> Floats:
     """Return `vectors` (n, 3) at unit length; zero vectors stay zero."""
-    length = np.sqrt(dot(vectors, vectors))
-    return vectors / np.where(length > 0, length, 1.0)[:, None]
+    squared = dot(vectors, vectors)
+    squared[squared == 0.0] = 1.0
+    return vectors * (1.0 / np.sqrt(squared))[:, None]
 
 
 class Geometry:
@@ -112,50 +113,52 @@ class Geometry:
         self._geometry_offset = np.array([i.terminator_geometry_offset for i in instances])
         shading = np.array([i.terminator_shading_offset for i in instances])
         self.shading_frequency = 1.0 / (1.0 - 0.5 * shading)
+        self.shading_is_shifted = bool(shading.any())
 
     def surface(self, hits: Hits, directions: Floats) -> Surface:
         """Return what rays along `directions` (n, 3) met; all `hits` are hits."""
-        triangle = self._first[hits.instance] + hits.triangle
-        moved = np.flatnonzero(~self._in_world[hits.instance])
-        corners = self._vertices[self._corners[triangle]]
-        corners[moved] = _transformed(corners[moved], self._matrix[hits.instance[moved]])
+        triangle = self._first.take(hits.instance) + hits.triangle
+        corners = self._vertices.take(self._corners.take(triangle, axis=0), axis=0)
+        moved = np.flatnonzero(~self._in_world.take(hits.instance))
+        if len(moved):
+            matrices = self._matrix.take(hits.instance[moved], axis=0)
+            corners[moved] = _transformed(corners[moved], matrices)
         edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        point = corners[:, 0] + hits.u[:, None] * edge1 + hits.v[:, None] * edge2
         geometric = normalized(cross(edge1, edge2))
-        geometric[self._mirrored[hits.instance]] *= -1.0
+        if self._mirrored.any():
+            geometric[self._mirrored.take(hits.instance)] *= -1.0
         normal = self._shading_normals(hits, triangle, geometric)
-        away = dot(geometric, directions) > 0.0
-        geometric[away] *= -1.0
-        normal[away] *= -1.0
-        slot = np.minimum(self._slots[triangle], self._materials.shape[1] - 1)
+        side = np.where(dot(geometric, directions) > 0.0, -1.0, 1.0)[:, None]
+        size = self._size.take(triangle) * self._scale.take(hits.instance)
+        slot = np.minimum(self._slots.take(triangle), self._materials.shape[1] - 1)
         return Surface(
-            point=point,
-            geometric_normal=geometric,
-            normal=normal,
+            point=corners[:, 0] + hits.u[:, None] * edge1 + hits.v[:, None] * edge2,
+            geometric_normal=geometric * side,
+            normal=normal * side,
             material=self._materials[hits.instance, slot],
             instance=hits.instance,
             triangle=triangle,
             u=hits.u,
             v=hits.v,
-            epsilon=RAY_OFFSET
-            * (self._size[triangle] * self._scale[hits.instance] + self._distance[hits.instance]),
-            smooth=self._smooth[triangle] & self._shaded[triangle],
+            epsilon=RAY_OFFSET * (size + self._distance.take(hits.instance)),
+            smooth=self._smooth.take(triangle) & self._shaded.take(triangle),
         )
 
     def _shading_normals(self, hits: Hits, triangle: Ints, geometric: Floats) -> Floats:
-        normal = geometric.copy()
-        shaded = np.flatnonzero(self._shaded[triangle])
+        shaded = np.flatnonzero(self._shaded.take(triangle))
         if not len(shaded):
-            return normal
-        weights = _barycentric(hits.u[shaded], hits.v[shaded])
-        corner_normals = self._normals[self._normal_row[triangle[shaded]]]
-        smooth = normalized(np.einsum("nk,nkd->nd", weights, corner_normals))
-        instance = hits.instance[shaded]
-        moved = np.flatnonzero(~self._in_world[instance])
-        matrices = self._normal_matrix[instance[moved]]
-        smooth[moved] = normalized(np.einsum("nij,nj->ni", matrices, smooth[moved]))
+            return geometric
+        weights = _barycentric(hits.u.take(shaded), hits.v.take(shaded))
+        rows = self._normal_row.take(triangle.take(shaded))
+        smooth = normalized(np.einsum("nk,nkd->nd", weights, self._normals.take(rows, axis=0)))
+        instance = hits.instance.take(shaded)
+        moved = np.flatnonzero(~self._in_world.take(instance))
+        if len(moved):
+            matrices = self._normal_matrix.take(instance[moved], axis=0)
+            smooth[moved] = normalized(np.einsum("nij,nj->ni", matrices, smooth[moved]))
         valid = dot(smooth, smooth) > 0.5
-        normal[shaded[valid]] = smooth[valid]
+        normal = geometric.copy()
+        normal[shaded] = np.where(valid[:, None], smooth, normal.take(shaded, axis=0))
         return normal
 
     def shadow_origins(self, surface: Surface, wi: Floats) -> Floats:
@@ -167,23 +170,29 @@ class Geometry:
         surface that their normals pretend, for directions near the terminator.
         """
         towards = dot(surface.geometric_normal, wi)
-        cutoff = self._geometry_offset[surface.instance] * surface.smooth
-        facing = np.abs(dot(surface.normal, wi))
-        flip = np.where(dot(surface.normal, wi) < 0.0, -1.0, 1.0)
-        below = towards * flip
-        with np.errstate(divide="ignore", invalid="ignore"):
-            amount = np.where(
-                facing < cutoff, 2.0 - (below + facing) / cutoff, 1.0 - below / cutoff
-            )
-        amount = np.clip(np.where(cutoff > 0.0, amount, 0.0), 0.0, 1.0)
-        lifted = np.flatnonzero(amount > 0.0)
         side = np.where(towards < 0.0, -1.0, 1.0)
-        side[lifted] = flip[lifted]
+        cutoff = self._geometry_offset.take(surface.instance)
+        smooth = np.flatnonzero(surface.smooth & (cutoff > 0.0))
+        rows, amount, flip = self._lifted(surface, wi, towards, cutoff, smooth)
+        side[rows] = flip
         origins = surface.point + surface.geometric_normal * (side * surface.epsilon)[:, None]
-        if len(lifted):
-            lift = self._terminator_lift(surface, lifted, flip[lifted])
-            origins[lifted] += lift * amount[lifted, None]
+        if len(rows):
+            origins[rows] += self._terminator_lift(surface, rows, flip) * amount[:, None]
         return origins
+
+    @staticmethod
+    def _lifted(
+        surface: Surface, wi: Floats, towards: Floats, cutoff: Floats, smooth: Ints
+    ) -> tuple[Ints, Floats, Floats]:
+        """Return which of the points `smooth` are lifted, by how much (0 to 1), to which side."""
+        facing = dot(surface.normal.take(smooth, axis=0), wi.take(smooth, axis=0))
+        flip = np.where(facing < 0.0, -1.0, 1.0)
+        facing, below, cutoff = np.abs(facing), towards.take(smooth) * flip, cutoff.take(smooth)
+        amount = np.where(
+            facing < cutoff, 2.0 - (below + facing) / cutoff, 1.0 - below / cutoff
+        )
+        some = np.flatnonzero(amount > 0.0)
+        return smooth[some], np.minimum(amount[some], 1.0), flip[some]
 
     def _terminator_lift(self, surface: Surface, rows: Ints, flip: Floats) -> Floats:
         """Return the displacement (k, 3) from the flat triangle to its smooth surface.

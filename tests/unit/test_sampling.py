@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blender_rad.sampling import points
+from blender_rad.sampling import Points
 
 PIXELS, COUNT = 500, 64
 
@@ -14,8 +14,8 @@ PIXELS, COUNT = 500, 64
 def sequences(stream: int = 0, dimension: int = 0, seed: int = 0) -> np.ndarray:
     pixel = np.repeat(np.arange(PIXELS), COUNT)
     index = np.tile(np.arange(COUNT), PIXELS)
-    made = points(pixel, np.full_like(pixel, stream), index, dimension, seed)
-    return made.reshape(PIXELS, COUNT, 2)
+    made = Points(pixel, np.full_like(pixel, stream), index, seed)
+    return made.pair(dimension).reshape(PIXELS, COUNT, 2)
 
 
 @pytest.mark.parametrize("across", [1, 2, 4, 8, 16, 32, 64])
