@@ -119,11 +119,14 @@ class Reader:
         if not any(facts.visible.values()):
             return []
         found: list[Instance | None] = []
-        if item.show_self and shown.type in _PROXIES:
-            found.append(self._proxy(shown, facts, _PROXIES[shown.type], _bounds(shown)))
-        elif item.show_self:
-            found.append(self._mesh_instance(shown, real, facts))
-        hair = _hair_bounds(shown) if item.show_particles else None
+        layer = self._layer
+        drawn = {"CURVES": layer.use_strand, "VOLUME": layer.use_volumes, "POINTCLOUD": True}
+        if item.show_self and drawn.get(shown.type, layer.use_solid):
+            if shown.type in _PROXIES:
+                found.append(self._proxy(shown, facts, _PROXIES[shown.type], _bounds(shown)))
+            else:
+                found.append(self._mesh_instance(shown, real, facts))
+        hair = _hair_bounds(shown) if item.show_particles and layer.use_strand else None
         if hair is not None:
             found.append(self._proxy(shown, facts, "Particle hair", hair))
         return [instance for instance in found if instance is not None]

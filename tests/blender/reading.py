@@ -106,9 +106,12 @@ def cycles_passes(path: Path) -> dict[str, Array]:
     with OpenEXR.File(render.filepath, separate_channels=True) as file:
         for part in file.parts:
             for name, channel in part.channels.items():
-                channels[".".join(name.split(".")[-2:])] = channel.pixels.astype(np.float64)
+                key = name.replace("Diffuse Color", "DiffCol").replace("Glossy Color", "GlossCol")
+                channels[".".join(key.split(".")[-2:])] = channel.pixels.astype(np.float64)
     stack = {n: [channels[f"{n}.{a}"] for a in "XYZ"] for n in ("Position", "Normal")}
     passes = {n: np.stack(c, axis=-1) for n, c in stack.items()}
+    for name in {n.split(".")[0] for n in channels if n.startswith(("DiffCol", "GlossCol"))}:
+        passes[name] = np.stack([channels[f"{name}.{c}"] for c in "RGB"], axis=-1)
     depth = next(v for k, v in channels.items() if k.startswith("Depth."))
     return {**passes, "Depth": depth}
 

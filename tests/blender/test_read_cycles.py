@@ -148,6 +148,36 @@ def test_border_is_what_cycles_renders(crop: bool, tmp_path: Path) -> None:
         assert (seen == expected).all()
 
 
+def test_layers_without_surfaces_show_none(tmp_path: Path) -> None:
+    empty_scene()
+    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
+    camera()
+    frame(8, 8, 1, 1)
+    bpy.context.scene.view_layers[0].use_solid = False
+    assert not read_scene(bpy.context.scene).instances
+    assert not cycles_passes(tmp_path)["Position"].any()
+
+
+def test_the_material_of_empty_slots(tmp_path: Path) -> None:
+    """Its diffuse colour in Cycles: the albedo that is read, where it is Lambert."""
+    empty_scene()
+    mesh = polygons("Wall", *SQUARE)
+    mesh.materials.clear()
+    add("Wall", mesh, scale=(50, 50, 1))
+    camera()
+    frame(8, 8, 1, 1)
+    scene = read_scene(bpy.context.scene)
+    bpy.context.scene.view_layers[0].use_pass_diffuse_color = True
+    bpy.context.scene.view_layers[0].use_pass_glossy_color = True
+    passes = cycles_passes(tmp_path)
+    lambert = not np.abs(passes["GlossCol"]).any()
+    assert lambert == (not scene.materials[0].unsupported)
+    if lambert:
+        np.testing.assert_allclose(
+            passes["DiffCol"], np.broadcast_to(scene.materials[0].albedo, (8, 8, 3)), rtol=1e-6
+        )
+
+
 SCALES = {
     "plain": (1, 1, 1),
     "squashed": (2.0, 1.0, 0.4),

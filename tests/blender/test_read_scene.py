@@ -208,6 +208,21 @@ def test_holdouts_and_indirect_only_layers() -> None:
     assert held.opaque
 
 
+def test_adaptive_subdivision_is_unsupported() -> None:
+    cube = add("Cube", polygons("Cube", *CUBE))
+    modifier = cube.modifiers.new("Subdivision", 'SUBSURF')
+    assert not features(read())
+    if hasattr(modifier, "use_adaptive_subdivision"):
+        modifier.use_adaptive_subdivision = True
+    else:
+        bpy.context.scene.cycles.feature_set = 'EXPERIMENTAL'
+        cube.cycles.use_adaptive_subdivision = True
+    scene = read()
+    assert ("object", "Cube", "Adaptive subdivision") in features(scene)
+    assert not scene.materials[0].opaque
+    assert not scene.instances[0].normals_in_world
+
+
 def test_negative_scale_keeps_normals_and_winding_of_the_object() -> None:
     add("Ball", sphere("Ball"), scale=(-1, 1, 1))
     mesh = read().meshes[0]
