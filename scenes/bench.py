@@ -65,9 +65,15 @@ def tori() -> None:
     for n in range(TORI):
         turn = n * 2 * math.pi / TORI
         hue = tuple(0.45 + 0.35 * math.cos(turn + shift) for shift in (0.0, 2.1, 4.2))
-        data = from_arrays(f"Torus {n + 1}", points.reshape(-1, 3), faces, kit.matte(f"Hue {n + 1}", hue))
+        data = from_arrays(
+            f"Torus {n + 1}", points.reshape(-1, 3), faces, kit.matte(f"Hue {n + 1}", hue)
+        )
         at = Matrix.Translation((3 * math.cos(turn), 3 * math.sin(turn), 0.9))
-        kit.put(f"Torus {n + 1}", data, at @ Matrix.Rotation(turn, 4, 'Z') @ Matrix.Rotation(1.1, 4, 'Y'))
+        kit.put(
+            f"Torus {n + 1}",
+            data,
+            at @ Matrix.Rotation(turn, 4, 'Z') @ Matrix.Rotation(1.1, 4, 'Y'),
+        )
 
 
 def build() -> None:
@@ -77,11 +83,26 @@ def build() -> None:
     terrain()
     tori()
     kit.light("Area", 'AREA', kit.aim((-3, -3, 5), (0, 0, 0)), 300, size=1.5)
-    kit.light("Spot", 'SPOT', kit.aim((4, -3, 4), (0, 0, 0.5)), 500, color=(0.4, 0.6, 1.0),
-              spot_size=math.radians(60), spot_blend=0.3, shadow_soft_size=0.1)
+    kit.light(
+        "Spot",
+        'SPOT',
+        kit.aim((4, -3, 4), (0, 0, 0.5)),
+        500,
+        color=(0.4, 0.6, 1.0),
+        spot_size=math.radians(60),
+        spot_blend=0.3,
+        shadow_soft_size=0.1,
+    )
     kit.light("Sun", 'SUN', kit.aim((2, 3, 4), (0, 0, 0)), 0.5, angle=math.radians(2))
-    kit.light("Sphere", 'POINT', Matrix.Translation((0, 0, 1.8)), 120, color=(1.0, 0.7, 0.45),
-              shadow_soft_size=0.25, use_soft_falloff=False)
+    kit.light(
+        "Sphere",
+        'POINT',
+        Matrix.Translation((0, 0, 1.8)),
+        120,
+        color=(1.0, 0.7, 0.45),
+        shadow_soft_size=0.25,
+        use_soft_falloff=False,
+    )
     kit.camera((0, -7.5, 4.6), (0, 0, 0.4), 32)
 
 

@@ -17,7 +17,9 @@ def main(names: list[str]) -> None:
     import bpy
 
     if bpy.app.version[:2] != (4, 5):
-        raise SystemExit("scenes are saved by Blender 4.5, so that later ones open them without loss")
+        raise SystemExit(
+            "scenes are saved by Blender 4.5, so that later ones open them without loss"
+        )
     for name in names or SCENES:
         importlib.import_module(name).build()
         importlib.import_module("kit").save(HERE / f"{name}.blend")

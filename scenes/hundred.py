@@ -25,7 +25,9 @@ SPOTS = {
     "Azure": ((-5.5, -1.5, 5.0), 900.0, (0.25, 0.5, 1.0)),
 }
 STEM = [(0.16, 0), (0.15, 0.03), (0.06, 0.1), (0.045, 0.3), (0.08, 0.38), (0.045, 0.4)]
-HEAD = [(0.11 * math.sin(i / 10 * math.pi), 0.5 - 0.11 * math.cos(i / 10 * math.pi)) for i in range(11)]
+HEAD = [
+    (0.11 * math.sin(i / 10 * math.pi), 0.5 - 0.11 * math.cos(i / 10 * math.pi)) for i in range(11)
+]
 
 
 def pawn() -> bpy.types.Collection:
@@ -53,8 +55,16 @@ def build() -> list[kit.Answer]:
     overhead = PANEL_POWER / (math.pi * 4 * HALF**2) * 4 * HALF / root * math.atan(HALF / root)
     terms = [(overhead, kit.WHITE)]
     for name, (place, power, colour) in SPOTS.items():
-        kit.light(name, 'SPOT', kit.aim(place, (0, 0, 0)), power, color=colour,
-                  spot_size=math.radians(70), spot_blend=0.3, shadow_soft_size=0.12)
+        kit.light(
+            name,
+            'SPOT',
+            kit.aim(place, (0, 0, 0)),
+            power,
+            color=colour,
+            spot_size=math.radians(70),
+            spot_blend=0.3,
+            shadow_soft_size=0.12,
+        )
         terms.append((power * kit.point(place, (0, 0, 0), radius=0.12), colour))
     kit.camera((0.0, -9.0, 5.6), (0, -0.2, 0.1), 42)
     return [kit.Answer("centre", (0, 0, 0), kit.UP, kit.total(terms))]

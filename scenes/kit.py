@@ -77,7 +77,7 @@ def empty(world: Point = (0.0, 0.0, 0.0), strength: float = 1.0) -> Any:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
-    scene.world.use_nodes = True
+    _with_nodes(scene.world)
     background = scene.world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (*world, 1)
     background.inputs["Strength"].default_value = strength
@@ -99,9 +99,15 @@ def glow(name: str, colour: Point, radiance: float) -> Any:
     return made
 
 
+def _with_nodes(block: Any) -> None:
+    """Give a world or material its node tree, which it has from birth in Blender 5."""
+    if block.node_tree is None:
+        block.use_nodes = True
+
+
 def _material(name: str, closure: str, colour: Point) -> Any:
     made = bpy.data.materials.new(name)
-    made.use_nodes = True
+    _with_nodes(made)
     tree = made.node_tree
     tree.nodes.clear()
     shader = tree.nodes.new(closure)

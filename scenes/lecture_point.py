@@ -26,12 +26,24 @@ def build() -> list[kit.Answer]:
     turned = Matrix.Translation((-2, 0, 2)) @ Matrix.Rotation(math.radians(30), 4, 'Y')
     kit.quad("Receiver", 1, 1, kit.matte("Card", (0.75, 0.25, 0.15)), turned)
     kit.boxes("Stand", [(-2.03, -0.03, 0, -1.97, 0.03, 1.99)], kit.matte("Wood", (0.3, 0.2, 0.12)))
-    ball = [(0.5 * math.sin(a / 16 * math.pi), -0.5 * math.cos(a / 16 * math.pi)) for a in range(17)]
-    kit.lathe("Ball", ball, kit.matte("Blue", (0.15, 0.3, 0.7)), Matrix.Translation((1.05, 2.2, 0.5)))
-    kit.boxes("Cube", [(-0.4, -0.4, 0, 0.4, 0.4, 0.8)], kit.matte("Ochre", (0.8, 0.55, 0.15)),
-              Matrix.Translation((2.4, 0.9, 0)) @ Matrix.Rotation(0.5, 4, 'Z'))
-    kit.lathe("Cone", [(0.5, 0), (0, 1.1)], kit.matte("Green", (0.25, 0.5, 0.25)),
-              Matrix.Translation((-1.1, 1.7, 0)))
+    ball = [
+        (0.5 * math.sin(a / 16 * math.pi), -0.5 * math.cos(a / 16 * math.pi)) for a in range(17)
+    ]
+    kit.lathe(
+        "Ball", ball, kit.matte("Blue", (0.15, 0.3, 0.7)), Matrix.Translation((1.05, 2.2, 0.5))
+    )
+    kit.boxes(
+        "Cube",
+        [(-0.4, -0.4, 0, 0.4, 0.4, 0.8)],
+        kit.matte("Ochre", (0.8, 0.55, 0.15)),
+        Matrix.Translation((2.4, 0.9, 0)) @ Matrix.Rotation(0.5, 4, 'Z'),
+    )
+    kit.lathe(
+        "Cone",
+        [(0.5, 0), (0, 1.1)],
+        kit.matte("Green", (0.25, 0.5, 0.25)),
+        Matrix.Translation((-1.1, 1.7, 0)),
+    )
     kit.light("Point", 'POINT', Matrix.Translation((0, 0, 2)), 16 * math.pi, shadow_soft_size=0)
     kit.camera((1.6, -7.0, 4.4), (0.05, 0.75, 0.55), 45)
     normal = (0.5, 0.0, SQRT3 / 2)

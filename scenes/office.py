@@ -26,6 +26,7 @@ PANELS = [(x, y) for x in (1.5, 3.0, 4.5) for y in (1.3, 3.1)]
 DOWNLIGHTS = [(0.5, 1.2), (0.5, 2.2), (0.5, 3.2)]
 GLOBE = (0.55, 4.0, 1.55)
 DESKS = [(1.7, 3.35), (3.6, 3.35)]
+METERS = [(1.6, 3.15, TOP), (4.2, 3.15, TOP)]  # where no monitor hides window or globe
 
 
 def room() -> None:
@@ -41,7 +42,10 @@ def room() -> None:
     inner = [(0, y0, z0), (0, y1, z0), (0, y1, z1), (0, y0, z1)]
     ring = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
     kit.mesh("Window wall", outer + inner, ring, kit.matte("Accent", (0.3, 0.45, 0.48)))
-    frame = [(0, y0 - 0.06, z0 - 0.04, 0.05, y1 + 0.06, z0), (0, y0 - 0.06, z1, 0.05, y1 + 0.06, z1 + 0.06)]
+    frame = [
+        (0, y0 - 0.06, z0 - 0.09, 0.05, y1 + 0.06, z0 - 0.03),
+        (0, y0 - 0.06, z1, 0.05, y1 + 0.06, z1 + 0.06),
+    ]
     kit.boxes("Window frame", frame, kit.matte("Frame", (0.75, 0.75, 0.75)))
 
 
@@ -50,17 +54,28 @@ def furniture() -> None:
     oak, dark = kit.matte("Oak", (0.62, 0.44, 0.26)), kit.matte("Steel", (0.12, 0.12, 0.13))
     screen, seat = kit.matte("Screen", (0.03, 0.03, 0.035)), kit.matte("Seat", (0.7, 0.26, 0.12))
     desk = [(-0.8, -0.4, TOP - 0.03, 0.8, 0.4, TOP)]
-    legs = [(x - 0.02, y - 0.02, 0, x + 0.02, y + 0.02, TOP - 0.03) for x in (-0.74, 0.74) for y in (-0.34, 0.34)]
-    monitor = [(-0.3, 0.2, TOP + 0.12, 0.3, 0.23, TOP + 0.48), (-0.03, 0.22, TOP, 0.03, 0.25, TOP + 0.2),
-               (-0.12, 0.14, TOP, 0.12, 0.3, TOP + 0.015)]
+    legs = [
+        (x - 0.02, y - 0.02, 0, x + 0.02, y + 0.02, TOP - 0.03)
+        for x in (-0.74, 0.74)
+        for y in (-0.34, 0.34)
+    ]
+    monitor = [
+        (-0.3, 0.2, TOP + 0.12, 0.3, 0.23, TOP + 0.48),
+        (-0.03, 0.22, TOP, 0.03, 0.25, TOP + 0.2),
+        (-0.12, 0.14, TOP, 0.12, 0.3, TOP + 0.015),
+    ]
     chair = [(-0.23, -0.23, 0.42, 0.23, 0.23, 0.48), (-0.22, -0.25, 0.52, 0.22, -0.2, 0.95)]
-    feet = [(x - 0.02, y - 0.02, 0, x + 0.02, y + 0.02, 0.42) for x in (-0.2, 0.2) for y in (-0.2, 0.2)]
+    feet = [
+        (x - 0.02, y - 0.02, 0, x + 0.02, y + 0.02, 0.42) for x in (-0.2, 0.2) for y in (-0.2, 0.2)
+    ]
     for number, (x, y) in enumerate(DESKS, 1):
         at = Matrix.Translation((x, y, 0))
         kit.boxes(f"Desk {number}", desk, oak, at)
         kit.boxes(f"Legs {number}", legs, dark, at)
         kit.boxes(f"Monitor {number}", monitor, screen, at)
-        turned = Matrix.Translation((x + 0.1, y - 0.75, 0)) @ Matrix.Rotation(0.5 - number * 0.4, 4, 'Z')
+        turned = Matrix.Translation((x + 0.1, y - 0.75, 0)) @ Matrix.Rotation(
+            0.5 - number * 0.4, 4, 'Z'
+        )
         kit.boxes(f"Chair {number}", chair, seat, turned)
         kit.boxes(f"Chair feet {number}", feet, dark, turned)
     shelf = [(4.85, 4.05, z, 5.9, 4.38, z + 0.03) for z in (0.05, 0.5, 0.95, 1.4, 1.85)]
@@ -69,7 +84,14 @@ def furniture() -> None:
     colours = [(0.6, 0.15, 0.1), (0.1, 0.25, 0.45), (0.75, 0.6, 0.2), (0.2, 0.4, 0.25)]
     for tone, colour in enumerate(colours):
         books = [
-            (4.9 + 0.065 * i, 4.12, z, 4.95 + 0.065 * i, 4.36, z + 0.22 + 0.03 * ((i * 7 + tone) % 5))
+            (
+                4.9 + 0.065 * i,
+                4.12,
+                z,
+                4.95 + 0.065 * i,
+                4.36,
+                z + 0.22 + 0.03 * ((i * 7 + tone) % 5),
+            )
             for row, z in enumerate((0.08, 0.53, 0.98, 1.43))
             for i in range(14 - 2 * row)
             if (i * 3 + row) % 4 == tone
@@ -85,8 +107,16 @@ def luminaires() -> list[tuple[kit.Point, list[kit.Point]]]:
     shining: list[tuple[kit.Point, list[kit.Point]]] = []
     for number, (x, y) in enumerate(PANELS, 1):
         at = Matrix.Translation((x, y, HEIGHT - 0.05))
-        panel = kit.light(f"Panel {number}", 'AREA', at, PANEL_POWER, color=NEUTRAL,
-                          shape='RECTANGLE', size=1.2, size_y=0.3)
+        panel = kit.light(
+            f"Panel {number}",
+            'AREA',
+            at,
+            PANEL_POWER,
+            color=NEUTRAL,
+            shape='RECTANGLE',
+            size=1.2,
+            size_y=0.3,
+        )
         rim = [(-0.64, -0.19, 0.01, 0.64, 0.19, 0.05)]
         kit.boxes(f"Housing {number}", rim, metal, at)
         radiance = PANEL_POWER / (math.pi * 1.2 * 0.3)
@@ -97,11 +127,23 @@ def luminaires() -> list[tuple[kit.Point, list[kit.Point]]]:
         corners = [(x - s, y - s, z), (x - s, y + s, z), (x + s, y + s, z), (x + s, y - s, z)]
         kit.mesh(f"Downlight {number}", corners, [(0, 1, 2, 3)], warm)
         a, b = s + 0.002, s + 0.03
-        frame = [(-b, -b, z, b, -a, HEIGHT), (-b, a, z, b, b, HEIGHT), (-b, -a, z, -a, a, HEIGHT), (a, -a, z, b, a, HEIGHT)]
+        frame = [
+            (-b, -b, z, b, -a, HEIGHT),
+            (-b, a, z, b, b, HEIGHT),
+            (-b, -a, z, -a, a, HEIGHT),
+            (a, -a, z, b, a, HEIGHT),
+        ]
         kit.boxes(f"Frame {number}", frame, metal, Matrix.Translation((x, y, 0)))
         shining.append((tuple(DOWNLIGHT_RADIANCE * c for c in WARM), corners))
-    kit.light("Globe", 'POINT', Matrix.Translation(GLOBE), GLOBE_POWER, color=WARM,
-              shadow_soft_size=0.16, use_soft_falloff=False)
+    kit.light(
+        "Globe",
+        'POINT',
+        Matrix.Translation(GLOBE),
+        GLOBE_POWER,
+        color=WARM,
+        shadow_soft_size=0.16,
+        use_soft_falloff=False,
+    )
     return shining
 
 
@@ -116,8 +158,7 @@ def build() -> list[kit.Answer]:
     shining.append((tuple(SKY_RADIANCE * c for c in SKY), window))
     kit.camera((5.75, 0.25, 1.75), (1.7, 3.3, 1.15), 19)
     answers: list[kit.Answer] = []
-    for number, (x, y) in enumerate(DESKS, 1):
-        place = (x - 0.1, y - 0.2, TOP)
+    for number, place in enumerate(METERS, 1):
         terms = [(kit.polygon(corners, place), radiance) for radiance, corners in shining]
         terms.append((GLOBE_POWER * kit.point(GLOBE, place), WARM))
         answers.append(kit.Answer(f"desk {number}", place, kit.UP, kit.total(terms)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scenes beside their scripts: they open, are what the scripts build, and mean what is derived."""
+"""The scenes open, are what their scripts build, and mean what is derived there."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ NAMES = ("lecture_point", "studio", "office", "hundred")
 LARGEST = 300_000
 OFF, WIDE = 1e-3, 2e-4  # the meter stands so far above its surface and is so wide [m]
 OURS = 1e-3  # the meter's own height and width change E by less
+NOISE = 3e-3  # relative, at most, where visibility is sampled; the sky through a window is
 WITNESS = 0.01
 
 
@@ -57,8 +58,8 @@ def summary(scene: Any) -> dict[str, Any]:
     }
 
 
-def irradiance_at(scene: Scene, position: Any, normal: Any) -> np.ndarray:
-    """What a small camera just above the surface sees arrive there, (3,) [W/m²]."""
+def irradiance_at(scene: Scene, position: Any, normal: Any) -> tuple[np.ndarray, np.ndarray]:
+    """What a small camera just above the surface sees arrive there, and its error, (3,) [W/m²]."""
     z = np.array(normal) / np.linalg.norm(normal)
     x = np.cross(z, [0.3, 0.9, 0.1])
     x /= np.linalg.norm(x)
@@ -68,9 +69,11 @@ def irradiance_at(scene: Scene, position: Any, normal: Any) -> np.ndarray:
     half = WIDE / 2
     camera = Camera("Meter", "orthographic", matrix, (-half, half, -half, half), (0.0, 2 * OFF))
     meter = replace(scene, camera=camera, resolution=(8, 8), border=None)
-    film = render(meter, Settings(samples=64, threads=1, per_light=False))
+    film = render(meter, Settings(samples=256, threads=2, per_light=False))
     assert np.isfinite(film.depth).all(), "nothing where the surface should be"
-    return film.irradiance.mean(axis=(0, 1))
+    found = film.irradiance.mean(axis=(0, 1))
+    relative = np.sqrt(film.variance.sum(axis=(0, 1))) / film.radiance.sum(axis=(0, 1))
+    return found, found * relative
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -94,8 +97,10 @@ def test_engine_finds_the_answers_derived_on_paper(name: str) -> None:
     scene = read_scene(saved(name))
     assert answers
     for answer in answers:
-        found = irradiance_at(scene, answer.position, answer.normal)
-        assert found == pytest.approx(answer.irradiance, rel=OURS), answer.name
+        found, error = irradiance_at(scene, answer.position, answer.normal)
+        expected = np.array(answer.irradiance)
+        assert np.all(error < NOISE * expected), answer.name
+        assert np.all(np.abs(found - expected) < OURS * expected + 3 * error), answer.name
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -129,5 +134,5 @@ def test_benchmark_has_what_it_says(tmp_path: Path) -> None:
     scene = read_scene(bpy.context.scene)
     assert sum(len(mesh.triangles) for mesh in scene.meshes) == 300_000
     assert scene.resolution == (640, 480)
-    assert {type(light).__name__ for light in scene.lights}.__len__() == 4
+    assert len({light.kind for light in scene.lights}) == 4
     assert scene.unsupported == ()
