@@ -194,6 +194,8 @@ def misfit(case: Case, left: Array) -> tuple[float, float]:
     needs no noise model to see whether a fit is right. Tiles count by 1/scale, as the noise of
     light does.
     """
+    if left.size == 0:
+        return 0.0, 0.0
     count = len(left)
     scale = _tile_scale(case.pools)
     total = left.sum(axis=0)

@@ -102,11 +102,12 @@ def find_groups(layers: Array, weight: Array, variance: Array) -> list[list[int]
         if excess[worst] <= 1.0:
             break
         partial = np.abs(inverse[worst]) / np.sqrt(np.diag(inverse) * inverse[worst, worst])
-        partial[worst] = 0.0
-        joined = (partial >= min(partial.max(), TANGLED)) | (np.arange(len(groups)) == worst)
-        merged = sorted(j for g in np.flatnonzero(joined) for j in groups[g])
-        groups = sorted([merged, *(groups[g] for g in np.flatnonzero(~joined))])
-    return groups
+        partial[worst] = 1.0
+        limit = min(float(np.sort(partial)[-2]), TANGLED)
+        joined = [g for g, p in zip(groups, partial.tolist(), strict=True) if p >= limit]
+        groups = [g for g in groups if g not in joined]
+        groups.append(sorted(j for group in joined for j in group))
+    return sorted(groups)
 
 
 def fit(layers: Array, target: Array, weights: Array, variance: Array) -> Estimates:
@@ -181,7 +182,8 @@ class Problem:
 
     def channel_energy(self) -> Array:
         """Share of each group's channels in the absolute energy of all, (g, 3)."""
-        size = np.abs(self.columns.reshape(len(self.columns), -1, 3).sum(axis=1))
+        groups, number = self.columns.shape
+        size = np.abs(self.columns.reshape(groups, number // 3, 3).sum(axis=1))
         total = np.abs(self.columns.sum(axis=1)).sum()
         return size / total if total > 0 else size
 
@@ -189,7 +191,7 @@ class Problem:
 def problem_from_cells(cells: Cells, pools: Pools) -> Problem:
     """Return the fit of all lights, those grouped that cannot be told apart."""
     weights = model_weights(cells, pools).reshape(len(cells.counts), -1)
-    layers = cells.layers.reshape(len(cells.names), -1)
+    layers = cells.layers.reshape(len(cells.names), cells.ours.size)
     variance = cells.variance.ravel()
     groups = find_groups(layers, weights.mean(axis=0), variance)
     columns = [layers[group].sum(axis=0) for group in groups]

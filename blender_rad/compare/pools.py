@@ -179,26 +179,31 @@ def tile_means(cells: Cells, difference: Array) -> Array:
     return block_sums(difference, CELLS_A_TILE)[:, kept] / counts
 
 
-def pool(cells: Cells, difference: Array) -> Pools:
-    """Return the pools of `difference` (r, ch, cw, 3), sums over cells.
+def frame_means(cells: Cells) -> Array:
+    """Return the mean difference (witness less ours) over the frame, (r, 3)."""
+    number = np.maximum(cells.counts.sum(axis=(1, 2)), 1.0)
+    return cells.residual(cells.ours).sum(axis=(1, 2)) / number
+
+
+def pool(cells: Cells) -> Pools:
+    """Return the differences of the frame and the tiles.
 
     A channel counts relative to its own mean in the tile, but to no less than `DARK` times its mean
     in the picture, and a channel of the picture to no less than `DARK` times the mean of the three:
     the noise of a channel that holds next to nothing decides nothing. Tiles of fewer than
     `MIN_TILE_PIXELS` compared pixels are left to the frame.
     """
-    number = cells.counts.sum(axis=(1, 2))
     picture = np.abs(cells.ours.sum(axis=(0, 1))) / cells.counts[..., 0].max(axis=0).sum()
     frame_scale = np.maximum(picture, DARK * picture.mean())
     total = cells.counts.max(axis=0)
     frame = estimate(
-        difference.sum(axis=(1, 2)) / number,
+        frame_means(cells),
         cells.variance.sum(axis=(0, 1)) / total.sum() ** 2,
         frame_scale,
     )
     kept = kept_tiles(cells)
     tile_total = block_sums(total, CELLS_A_TILE)[kept]
-    replicates = tile_means(cells, difference)
+    replicates = tile_means(cells, cells.residual(cells.ours))
     ours = np.abs(block_sums(cells.ours, CELLS_A_TILE)[kept]) / tile_total
     tile_scale = np.maximum(ours, DARK * frame_scale).ravel()
     variance = block_sums(cells.variance, CELLS_A_TILE)[kept] / tile_total**2

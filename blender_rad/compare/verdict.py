@@ -26,6 +26,7 @@ from .pools import (
     Pools,
     cell_sums,
     cells_from_seeds,
+    frame_means,
     pool,
     split_in_space,
     worst_tile,
@@ -44,6 +45,7 @@ from .result import (
 from .statistics import critical_value
 
 MIN_SUPPORTED = 0.5
+SHARED_ERRORS = 10.0  # ratio of variances; blue noise alone keeps it below 1 on average
 Layers = Mapping[str, Mapping[str, Picture]]
 
 
@@ -102,14 +104,17 @@ def judge_pictures(
     """Return the verdict of existing pictures (k, h, w, 3) of the same view, k ≥ 1.
 
     Nothing is known of their seeds. Their noise is estimated from how parts of each tile disagree
-    in their mean picture. What all cells share (a common seed's error on the whole frame) does not
-    show that way, so a single picture, or copies of one, never agree.
+    in their mean picture. What all parts share (pixels that sample alike) does not show so: a
+    single picture, or copies of one, never agree, and where pictures as a whole disagree with one
+    another more than their parts do, their spread is the noise, as with seeds.
     """
     if len(pictures) < 1:
         raise RadError("no picture", "judge_pictures", "expected at least one")
     pictures, compared, findings = _support(film, pictures)
-    cells = split_in_space(cells_from_seeds(film, pictures, compared))
-    copies = all(np.array_equal(pictures[0], other, equal_nan=True) for other in pictures[1:])
+    whole = cells_from_seeds(film, pictures, compared)
+    parts = split_in_space(whole)
+    copies = all(np.array_equal(pictures[0], other) for other in pictures[1:])
+    cells = parts if copies or not _share_errors(whole, parts) else whole
     return _judge(_Job(
         film, pictures, compared, findings, cells, lights, tolerance,
         alpha=1.0 - confidence, may_agree=not copies,
@@ -140,6 +145,14 @@ class _Job:
         """The rows of the table, with one for each layer that the caller did not list."""
         given = {info.name: info for info in self.lights}
         return {**{name: LightInfo(name, "") for name in self.cells.names}, **given}
+
+
+def _share_errors(whole: Cells, parts: Cells) -> bool:
+    """Return whether the frame's mean varies more over pictures than their parts let expect."""
+    over_pictures, over_parts = (
+        np.var(frame_means(cells), axis=0, ddof=1) / len(cells.witness) for cells in (whole, parts)
+    )
+    return bool((over_pictures > SHARED_ERRORS * over_parts).any())
 
 
 def _clues(
@@ -185,7 +198,7 @@ def _judge(job: _Job) -> Comparison:
         rows = tuple(_row(info) for info in job.infos.values())
         counts, findings = _count(classes, job), tuple(job.findings)
         return Comparison("undecided", counts, metrics, rows, findings, None, 0.0, classes)
-    pools = pool(job.cells, job.cells.residual(job.cells.ours))
+    pools = pool(job.cells)
     problem = problem_from_cells(job.cells, pools)
     claims = claims_of(pools, problem, job.tolerance)
     outside, within = claims.outside(job.alpha), claims.within(job.alpha) & job.may_agree

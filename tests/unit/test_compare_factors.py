@@ -16,7 +16,7 @@ EVERY = np.ones((H, W), bool)
 
 def problem(film, seeds):
     cells = cells_from_seeds(film, seeds, EVERY)
-    return problem_from_cells(cells, pool(cells, cells.residual(cells.ours)))
+    return problem_from_cells(cells, pool(cells))
 
 
 def binomial_bounds(count, chance, sigmas=3.5):
@@ -101,7 +101,7 @@ def test_weights_follow_the_noise():
     stack = np.sqrt(film.radiance)
     seeds = film.radiance + 0.05 * stack * rng.normal(size=(16, H, W, 3))
     cells = cells_from_seeds(film, seeds, EVERY)
-    weights = model_weights(cells, pool(cells, cells.residual(cells.ours)))[0]
+    weights = model_weights(cells, pool(cells))[0]
     tile_mean = film.radiance.reshape(H, W // 16, 16, 3).mean(axis=2).repeat(4, axis=1)[::4]
     ratio = weights * tile_mean
     assert ratio.max() / ratio.min() < 1.25

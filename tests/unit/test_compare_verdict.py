@@ -318,3 +318,33 @@ def test_copies_of_one_picture_are_one_picture():
     found = judge_pictures(film_of(layers), pictures, lights=infos(layers))
     assert found.verdict == 'undecided'
     assert found.needed_factor is None
+
+
+def test_pictures_whose_pixels_err_together_are_no_better_than_seeds():
+    rng, layers = np.random.default_rng(20), room()
+    seen = Counter()
+    for _ in range(15):
+        shared = 1.0 + 0.01 * rng.normal(size=(4, 1, 1, 1))
+        pictures = Witness(layers, 0.005).seeds(rng, 4) * shared
+        seen[judge_pictures(film_of(layers), pictures, lights=infos(layers)).verdict] += 1
+    assert seen == {'undecided': 15}
+
+
+def test_pictures_smaller_than_a_tile_are_judged_by_frame_and_lights():
+    rng, layers = np.random.default_rng(21), {n: v[18:21, 18:21] for n, v in room().items()}
+    film = film_of({'All': sum(layers.values())})
+    seeds = film.radiance * (1.0 + 1e-3 * rng.normal(size=(8, 3, 3, 1)))
+    assert judge(film, seeds, lights=infos(film.lights)).verdict == 'agree'
+    found = judge(film, 0.5 * seeds, lights=infos(film.lights))
+    assert found.verdict == 'differ'
+    assert found.lights[0].diagnosis == 'scale'
+
+
+def test_a_picture_of_directly_seen_light_alone_is_judged_by_frame_and_tiles():
+    rng, seen = np.random.default_rng(22), room()['Sky']
+    film = replace(film_of({'Sky': seen}), lights={}, seen=seen)
+    seeds = Witness({'Sky': seen}, 0.01).seeds(rng)
+    assert judge(film, seeds, lights=[]).verdict == 'agree'
+    found = judge(film, 1.1 * seeds, lights=[])
+    assert found.verdict == 'differ'
+    assert 'tiles-differ' in {f.code for f in found.findings}
