@@ -231,9 +231,9 @@ def sample_rectangle(
     """
     x0, x1, y0, y1 = bounds
     z2 = np.maximum(depth * depth, TINY)
-    sides = [side / np.sqrt(side * side + z2) for side in (-y0, x1, y1, -x0)]
-    angles = [np.arcsin(sides[i] * sides[(i + 1) % 4]) for i in range(4)]
-    solid_angle = angles[0] + angles[1] + angles[2] + angles[3]
+    sides: list[Array] = [side / np.sqrt(side * side + z2) for side in (-y0, x1, y1, -x0)]
+    angles: list[Array] = [np.arcsin(sides[i] * sides[(i + 1) % 4]) for i in range(4)]
+    solid_angle: Array = angles[0] + angles[1] + angles[2] + angles[3]
     turn = u[:, 0] * solid_angle - angles[2] - angles[3]
     sin, rise = np.sin(turn), np.cos(turn) * sides[0] + sides[2]
     cos2 = sin * sin / np.maximum(rise * rise + (sides[0] * sin) ** 2, TINY)
@@ -242,6 +242,6 @@ def sample_rectangle(
     d2 = x * x + z2
     low, high = y0 / np.sqrt(d2 + y0 * y0), y1 / np.sqrt(d2 + y1 * y1)
     slope = low + u[:, 1] * (high - low)
-    y = slope * np.sqrt(d2 / np.maximum(1.0 - slope * slope, TINY))
+    y: Array = slope * np.sqrt(d2 / np.maximum(1.0 - slope * slope, TINY))
     y = np.minimum(np.maximum(y, y0), y1)
     return x, y, solid_angle

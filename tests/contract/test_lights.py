@@ -60,7 +60,7 @@ def test_samples_are_well_formed(light: Light, rng: np.random.Generator) -> None
 
 @pytest.mark.parametrize("light", LIGHT_LIST)
 def test_samples_average_to_the_closed_form(light: Light, rng: np.random.Generator) -> None:
-    points, normals = receivers(rng, 24)
+    points, normals = receivers(rng, 40)
     exact = light.irradiance(points, normals)
     if exact is None:
         pytest.skip("no closed form")
