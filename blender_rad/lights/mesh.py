@@ -11,7 +11,8 @@ parameter           unit                    meaning
 Derivation. Each triangle is a Lambert polygon; E = L Σ |E_i| over the triangles, since each shines
 from both faces. Triangles are unoccluded by one another here: what hides what is the estimator's
 to find. Each face emits πLA, so Φ = 2πLA. Up to 64 triangles are summed in closed form; samples
-pick triangles by area, and their density is that of the triangle picked alone. The radiance is the same in both models.
+pick triangles by area, and their density is that of the triangle picked alone. The radiance
+is the same in both models.
 """
 
 from __future__ import annotations
