@@ -129,7 +129,7 @@ class DirectLight:
             lit = np.flatnonzero(value)
             if not len(lit):
                 continue
-            seen, exclusions = self._seen(emitter, surface, sample, lit)
+            seen, exclusions = self._seen(emitter, surface, sample, cosine, lit)
             if emitter.cause is not None:
                 reached = Exclusion(lit[seen], emitter.cause)
                 yield Arrival(emitter, np.zeros(len(value)), [reached, *exclusions])
@@ -161,26 +161,21 @@ class DirectLight:
         return np.where(frequency > 1.0, ratio, 1.0)
 
     def _seen(
-        self, emitter: Emitter, surface: Surface, sample: LightSample, lit: Ints
+        self, emitter: Emitter, surface: Surface, sample: LightSample, cosine: Floats, lit: Ints
     ) -> tuple[Bools, list[Exclusion]]:
         """Return for the points `lit` whether they see their light sample, and what is open."""
         if not emitter.light.cast_shadow:
             return np.ones(len(lit), dtype=bool), []
-        part, wi, distance = surface, sample.wi, sample.distance
+        wi, distance, epsilon = sample.wi, sample.distance, surface.epsilon
         if len(lit) < len(distance):
-            part, wi, distance = part.take(lit), wi.take(lit, axis=0), distance.take(lit)
-        origins = self.geometry.shadow_origins(part, wi)
-        near = np.isfinite(distance)
-        if near.any():
-            target = part.point + wi * np.where(near, distance, 1.0)[:, None] - origins
-            length = np.sqrt(dot(target, target))
-            directions = target / np.maximum(length, 1e-300)[:, None]
-            directions = np.where(near[:, None], directions, wi)
-            reach = np.where(near, length * (1.0 - TARGET_SHORTENING) - part.epsilon, np.inf)
-        else:
-            directions, reach = wi, distance
-        seen = ~self.visibility.opaque.occluded(origins, directions, np.maximum(reach, 0.0))
-        return seen, self._open(lit, seen, origins, directions, reach)
+            wi, distance, epsilon = wi.take(lit, axis=0), distance.take(lit), epsilon.take(lit)
+        origins, lifted, lift = self.geometry.shadow_origins(surface, wi, cosine, lit)
+        reach = distance * (1.0 - TARGET_SHORTENING) - epsilon
+        if len(lifted):
+            wi = wi.copy()
+            wi[lifted], reach[lifted] = _aimed(wi[lifted], reach[lifted], lift)
+        seen = ~self.visibility.opaque.occluded(origins, wi, np.maximum(reach, 0.0))
+        return seen, self._open(lit, seen, origins, wi, reach)
 
     def _open(
         self, lit: Ints, seen: Bools, origins: Floats, directions: Floats, reach: Floats
@@ -195,6 +190,15 @@ class DirectLight:
             Exclusion(lit[rows[crossed == instance]], self.visibility.cause(int(instance)))
             for instance in np.unique(crossed[crossed >= 0])
         ]
+
+
+def _aimed(wi: Floats, reach: Floats, lift: Floats) -> tuple[Floats, Floats]:
+    """Return directions and distances to the same targets from origins moved by `lift` (n, 3)."""
+    near = np.isfinite(reach)
+    target = wi * np.where(near, reach, 0.0)[:, None] - lift
+    length = np.sqrt(dot(target, target))
+    aimed = target / np.maximum(length, 1e-300)[:, None]
+    return np.where(near[:, None], aimed, wi), np.where(near, length, np.inf)
 
 
 def _controlled(

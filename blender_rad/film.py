@@ -13,6 +13,8 @@ from .scene import Unsupported
 
 Image = NDArray[np.float64]
 
+STUDENT_27 = 2.052 / 1.960  # 97.5 % quantile of Student's t, 27 degrees of freedom, over normal's
+
 
 @dataclass(frozen=True)
 class Film:
@@ -55,9 +57,10 @@ class Film:
         """Standard error of `radiance`, (h, w, 3) [W/(m² sr)], for ±1.96 of it to cover 95 %.
 
         A few samples that all see the same thing tell too little of a pixel's own spread, so it is
-        taken for no smaller than its neighbourhood's.
+        taken for no smaller than that of its neighbourhood, which 27 degrees of freedom tell.
         """
-        return np.sqrt(np.maximum(self.variance, neighbourhood_mean(self.variance, self.inside)))
+        near = neighbourhood_mean(self.variance, self.inside)
+        return STUDENT_27 * np.sqrt(np.maximum(self.variance, near))
 
     @property
     def relative_standard_error(self) -> float:

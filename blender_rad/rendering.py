@@ -33,7 +33,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Progress = Callable[[float], None]
 
-STREAMS = 8
+STREAMS = 4
 FIRST_ROUNDS = 1  # for all pixels, before any decision
 BATCH = 16384  # camera samples worked off at a time, so that arrays stay near the processor
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
@@ -301,7 +301,7 @@ class _Run:
             pairs = uniform.pair(number + 1)
             return pairs if everything else pairs.take(batch.hits, axis=0)
 
-        irradiance, reflected = np.zeros_like(brdf), np.zeros_like(brdf)
+        irradiance = np.zeros_like(brdf)
         for arrival in self.light.arrivals(surface, group, random):
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:
@@ -310,12 +310,11 @@ class _Run:
                 continue
             arriving = arrival.irradiance[:, None] * emitter.light.rgb
             irradiance += arriving
-            arriving *= brdf
-            reflected += arriving
             if self.settings.per_light:
+                arriving *= brdf
                 sums.lights[emitter.layer, rows] += batch.total(batch.spread(arriving))
         sums.irradiance[rows] += batch.total(batch.spread(irradiance))
-        return reflected
+        return brdf * irradiance
 
     def _positions(self, pixel: Ints, jitter: Floats) -> Floats:
         """Return picture positions (n, 2), y up, of a box filter one pixel wide."""

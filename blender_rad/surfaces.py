@@ -161,38 +161,45 @@ class Geometry:
         normal[shaded] = np.where(valid[:, None], smooth, normal.take(shaded, axis=0))
         return normal
 
-    def shadow_origins(self, surface: Surface, wi: Floats) -> Floats:
-        """Return where shadow rays towards `wi` (n, 3) start.
+    def shadow_origins(
+        self, surface: Surface, wi: Floats, cosine: Floats, rows: Ints
+    ) -> tuple[Floats, Ints, Floats]:
+        """Return where shadow rays start, and which starts are lifted by how much.
 
         Beside the rounding offset along the geometric normal, towards the side that `wi` is on
         (which does as Cycles does when it lets a ray ignore the triangle that it leaves), this is
         Cycles' shadow terminator geometry offset: smooth triangles are lifted towards the curved
         surface that their normals pretend, for directions near the terminator.
-        """
-        towards = dot(surface.geometric_normal, wi)
-        side = np.where(towards < 0.0, -1.0, 1.0)
-        cutoff = self._geometry_offset.take(surface.instance)
-        smooth = np.flatnonzero(surface.smooth & (cutoff > 0.0))
-        rows, amount, flip = self._lifted(surface, wi, towards, cutoff, smooth)
-        side[rows] = flip
-        origins = surface.point + surface.geometric_normal * (side * surface.epsilon)[:, None]
-        if len(rows):
-            origins[rows] += self._terminator_lift(surface, rows, flip) * amount[:, None]
-        return origins
 
-    @staticmethod
-    def _lifted(
-        surface: Surface, wi: Floats, towards: Floats, cutoff: Floats, smooth: Ints
-    ) -> tuple[Ints, Floats, Floats]:
-        """Return which of the points `smooth` are lifted, by how much (0 to 1), to which side."""
-        facing = dot(surface.normal.take(smooth, axis=0), wi.take(smooth, axis=0))
-        flip = np.where(facing < 0.0, -1.0, 1.0)
-        facing, below, cutoff = np.abs(facing), towards.take(smooth) * flip, cutoff.take(smooth)
-        amount = np.where(
-            facing < cutoff, 2.0 - (below + facing) / cutoff, 1.0 - below / cutoff
-        )
-        some = np.flatnonzero(amount > 0.0)
-        return smooth[some], np.minimum(amount[some], 1.0), flip[some]
+        Parameters
+        ----------
+        surface : n points.
+        wi : (k, 3) directions towards the light from the points `rows` (k,).
+        cosine : (n,) of the directions from the shading normals.
+
+        Returns
+        -------
+        origins : (k, 3).
+        lifted : (j,) which of the k are lifted.
+        lift : (j, 3) [bu] what was added to them.
+        """
+        point, geometric = surface.point, surface.geometric_normal
+        epsilon, instance, smooth = surface.epsilon, surface.instance, surface.smooth
+        if len(rows) < len(point):
+            point, geometric = point.take(rows, axis=0), geometric.take(rows, axis=0)
+            epsilon, instance, smooth = (a.take(rows) for a in (epsilon, instance, smooth))
+            cosine = cosine.take(rows)
+        towards = dot(geometric, wi)
+        cutoff = np.where(smooth, self._geometry_offset.take(instance), 0.0)
+        lifted, amount, flip = _lifted(cosine, towards, cutoff)
+        side = np.where(towards < 0.0, -epsilon, epsilon)
+        side[lifted] = flip * epsilon.take(lifted)
+        origins = point + geometric * side[:, None]
+        if not len(lifted):
+            return origins, lifted, np.zeros((0, 3))
+        lift = self._terminator_lift(surface, rows.take(lifted), flip) * amount[:, None]
+        origins[lifted] += lift
+        return origins, lifted, lift
 
     def _terminator_lift(self, surface: Surface, rows: Ints, flip: Floats) -> Floats:
         """Return the displacement (k, 3) from the flat triangle to its smooth surface.
@@ -224,6 +231,20 @@ class Geometry:
             envelope = np.minimum(envelope, np.maximum(dot(corner - point, tilt) + highest, 0.0))
         height = outward * np.maximum(envelope, 0.5 * outward * quadratic)
         return axis * height[:, None]
+
+
+def _lifted(facing: Floats, towards: Floats, cutoff: Floats) -> tuple[Ints, Floats, Floats]:
+    """Return which points are lifted, by how much (0 to 1) and to which side (±1).
+
+    `facing` and `towards` are the cosines of the light from the shading and geometric normals.
+    """
+    flip = np.where(facing < 0.0, -1.0, 1.0)
+    facing, below = np.abs(facing), towards * flip
+    near = np.flatnonzero(np.minimum(facing, below) < cutoff)
+    facing, below, cutoff = facing.take(near), below.take(near), cutoff.take(near)
+    amount = np.where(facing < cutoff, 2.0 - (below + facing) / cutoff, 1.0 - below / cutoff)
+    some = np.flatnonzero(amount > 0.0)
+    return near[some], np.minimum(amount[some], 1.0), flip[near[some]]
 
 
 def _barycentric(u: Floats, v: Floats) -> Floats:
