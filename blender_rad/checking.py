@@ -119,13 +119,17 @@ class _Clock:
 
 
 class Check:
-    """A comparison of our picture of `scene` with a witness's."""
+    """A comparison of our picture of `scene` with a witness's; `seed` is that of our samples."""
 
-    def __init__(self, scene: Scene, terms: Terms) -> None:
+    def __init__(self, scene: Scene, terms: Terms, seed: int = 0) -> None:
         self.scene, self.terms = scene, terms
         self._clock = _Clock()
         self._settings = Settings(
-            samples=terms.samples, error=FIRST_ERROR, threads=terms.threads, per_light=True
+            samples=terms.samples,
+            error=FIRST_ERROR,
+            threads=terms.threads,
+            per_light=True,
+            seed=seed,
         )
         self.film: Film = self._clock("ours", self._render_ours)
 
@@ -136,7 +140,6 @@ class Check:
     def against_pictures(self, pictures: Pictures) -> Result:
         """Judge pictures (k, h, w, 3) that exist."""
         pictures = pictures / np.float32(self.terms.film_exposure or 1.0)
-
         comparison = self._decide(partial(judge_pictures, self.film, pictures))
         return Result(self.film, pictures, comparison, None, self._clock.seconds)
 
