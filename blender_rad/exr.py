@@ -145,7 +145,8 @@ def _read_planes(path: str | os.PathLike[str]) -> dict[str, Pixels]:
                 for name, channel in part.channels.items()
             }
     except RuntimeError as error:
-        raise RadError("not a readable EXR file", os.fspath(path), f"reader says: {error}") from None
+        said = f"expected one; the reader says: {error}"
+        raise RadError("not a readable EXR file", os.fspath(path), said) from None
 
 
 def _full_name(part: Any, channel: str) -> str:

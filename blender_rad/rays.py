@@ -59,6 +59,17 @@ class Hits(NamedTuple):
     v: Floats
     distance: Floats
 
+    def take(self, rows: NDArray[np.int64]) -> Hits:
+        """Return the hits of the rays `rows` (k,) alone."""
+        instance, triangle, u, v, distance = self
+        return Hits(
+            instance.take(rows),
+            triangle.take(rows),
+            u.take(rows),
+            v.take(rows),
+            distance.take(rows),
+        )
+
 
 @functools.cache
 def _embree() -> ctypes.CDLL:

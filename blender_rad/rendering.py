@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from .cameras import CameraRays, camera_rays, view_depth
 from .direct import DirectLight
 from .errors import RadError
 from .film import Film, neighbourhood_mean
-from .rays import Hits
+from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Scene, Unsupported
 from .surfaces import Surface
@@ -32,6 +33,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Progress = Callable[[float], None]
+T = TypeVar("T", bound=np.generic)
 
 STREAMS = 4
 FIRST_ROUNDS = 1  # for all pixels, before any decision
@@ -92,71 +94,6 @@ def render(
     return run.film()
 
 
-class _Batch:
-    """Camera samples of some pixels, the streams of a pixel side by side.
-
-    Attributes
-    ----------
-    rows : (p,) pixels; there are `streams` samples of each.
-    hits : (k,) samples that met a surface.
-    """
-
-    def __init__(self, rows: Ints, streams: int, hits: Ints) -> None:
-        self.rows, self.streams, self.hits = rows, streams, hits
-        self.count = len(rows) * streams
-        self.pixel_of_hit = hits // streams
-
-    def spread(self, values: Floats) -> Floats:
-        """Return `values` (k, ...) of hits as (samples, ...), 0 elsewhere."""
-        if len(self.hits) == self.count:
-            return values
-        whole = np.zeros((self.count, *values.shape[1:]))
-        whole[self.hits] = values
-        return whole
-
-    def by_pixel(self, values: Floats) -> Floats:
-        """Return `values` (samples, ...) as (pixels, streams, ...)."""
-        return values.reshape(len(self.rows), self.streams, *values.shape[1:])
-
-    def total(self, values: Floats) -> Floats:
-        """Return the sums (pixels, ...) of `values` (samples, ...)."""
-        return np.einsum("ps...->p...", self.by_pixel(values))
-
-
-class _Pixels:
-    """What accumulates for the pixels inside the border; a row a pixel.
-
-    Batches of one round touch different rows, so threads need no lock.
-    """
-
-    def __init__(self, layers: int, count: int) -> None:
-        self.streams = np.zeros((count, STREAMS, 3))
-        self.taken = np.zeros((count, STREAMS), dtype=np.int64)
-        self.lights = np.zeros((layers, count, 3), dtype=np.float32)
-        self.seen = np.zeros((count, 3))
-        self.irradiance = np.zeros((count, 3))
-        self.normal = np.zeros((count, 3))
-        self.alpha = np.zeros(count)
-        self.depth = np.full(count, np.inf)
-
-    @property
-    def samples(self) -> Ints:
-        """Camera samples (n,) a pixel."""
-        return np.asarray(self.taken.sum(axis=1))
-
-    def mean(self) -> Floats:
-        """Radiance (n, 3)."""
-        return np.einsum("nsk->nk", self.streams) / np.maximum(self.samples, 1)[:, None]
-
-    def variance(self) -> Floats:
-        """Variance (n, 3) of the mean, from the spread of the streams; nan with a single one."""
-        mean, total = self.mean(), self.samples
-        own = self.streams / np.maximum(self.taken, 1)[:, :, None] - mean[:, None]
-        spread = np.einsum("ns,nsk->nk", self.taken, own**2)
-        freedom = ((np.count_nonzero(self.taken, axis=1) - 1) * total).astype(float)
-        return spread / np.where(freedom > 0, freedom, np.nan)[:, None]
-
-
 class _Run:
     def __init__(
         self,
@@ -175,7 +112,7 @@ class _Run:
         self.inside = _inside(scene)
         self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
         layers = len(self.light.names) if settings.per_light else 0
-        self.sums = _Pixels(layers, len(self.place))
+        self.sums = Pixels(layers, len(self.place), STREAMS)
         self.progress = progress or (lambda share: None)
         self.cancel = cancel or threading.Event()
         limit = settings.time_limit
@@ -264,18 +201,18 @@ class _Run:
         rays = camera_rays(self.camera, self.scene.resolution, where)
         hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
         met = (hits.instance >= 0) & (hits.distance <= rays.reach)
-        batch = _Batch(rows, streams, np.flatnonzero(met))
+        batch = Batch(rows, streams, np.flatnonzero(met))
         radiance = self._background(batch, rays, met, hits.distance)
         if len(batch.hits):
-            mine = Hits(*(each.take(batch.hits) for each in hits))
-            surface = self.light.geometry.surface(mine, rays.directions.take(batch.hits, axis=0))
+            directions = rays.directions.take(batch.hits, axis=0)
+            surface = self.light.geometry.surface(hits.take(batch.hits), directions)
             radiance += batch.spread(self._surfaces(batch, surface))
             radiance += batch.spread(self._reflected(batch, surface, uniform))
         sums = self.sums
         sums.streams[rows, :streams] += batch.by_pixel(radiance)
         sums.taken[rows, :streams] += 1
 
-    def _surfaces(self, batch: _Batch, surface: Surface) -> Floats:
+    def _surfaces(self, batch: Batch, surface: Surface) -> Floats:
         """Return the emission (k, 3) that is seen; note normals, depth and what is excluded."""
         sums, rows = self.sums, batch.rows
         sums.normal[rows] += batch.total(batch.spread(surface.normal))
@@ -290,7 +227,7 @@ class _Run:
             sums.seen[rows] += batch.total(batch.spread(emission))
         return emission
 
-    def _reflected(self, batch: _Batch, surface: Surface, uniform: Points) -> Floats:
+    def _reflected(self, batch: Batch, surface: Surface, uniform: Points) -> Floats:
         """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
         sums, rows = self.sums, batch.rows
         brdf = (self.albedo / np.pi).take(surface.material, axis=0)
@@ -323,7 +260,7 @@ class _Run:
         return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]], axis=-1)
 
     def _background(
-        self, batch: _Batch, rays: CameraRays, met: Bools, distance: Floats
+        self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats
     ) -> Floats:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""
         world, transparent = self.scene.world, self.scene.film_transparent
@@ -345,7 +282,7 @@ class _Run:
             self.sums.seen[batch.rows] += batch.total(radiance)
         return radiance
 
-    def _exclude(self, batch: _Batch, samples: Ints, cause: Unsupported) -> None:
+    def _exclude(self, batch: Batch, samples: Ints, cause: Unsupported) -> None:
         if len(samples):
             rows = batch.rows[np.unique(samples // batch.streams)]
             self.excluded.append((cause, rows))
@@ -388,7 +325,7 @@ class _Run:
             masks.setdefault(cause, np.zeros(len(everyone), dtype=bool))[rows] = True
         return masks
 
-    def _framed(self, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    def _framed(self, values: NDArray[T]) -> NDArray[T]:
         """Return `values` (n, ...) in the whole frame (h, w, ...), 0 outside the border."""
         width, height = self.scene.resolution
         frame = np.zeros((height * width, *values.shape[1:]), dtype=values.dtype)

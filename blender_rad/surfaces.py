@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -54,10 +54,6 @@ class Surface:
     v: Floats
     epsilon: Floats
     smooth: Bools
-
-    def take(self, rows: Ints) -> Surface:
-        """Return the points `rows` (k,) alone."""
-        return Surface(*(getattr(self, each.name).take(rows, axis=0) for each in fields(self)))
 
 
 def dot(a: Floats, b: Floats) -> Floats:
@@ -187,8 +183,8 @@ class Geometry:
         epsilon, instance, smooth = surface.epsilon, surface.instance, surface.smooth
         if len(rows) < len(point):
             point, geometric = point.take(rows, axis=0), geometric.take(rows, axis=0)
-            epsilon, instance, smooth = (a.take(rows) for a in (epsilon, instance, smooth))
-            cosine = cosine.take(rows)
+            epsilon, cosine = epsilon.take(rows), cosine.take(rows)
+            instance, smooth = instance.take(rows), smooth.take(rows)
         towards = dot(geometric, wi)
         cutoff = np.where(smooth, self._geometry_offset.take(instance), 0.0)
         lifted, amount, flip = _lifted(cosine, towards, cutoff)

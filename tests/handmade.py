@@ -44,17 +44,16 @@ def ball(rings: int = 32, segments: int = 64, smooth: bool = True) -> Mesh:
     """A unit sphere of triangles."""
     theta = np.linspace(0.0, np.pi, rings + 1)[:, None]
     phi = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)[None, :]
-    points = np.stack(
-        np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)),
-        axis=-1,
-    ).reshape(-1, 3)
+    axes = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+    points = np.stack(np.broadcast_arrays(*axes), axis=-1).reshape(-1, 3)
     row, column = np.divmod(np.arange(rings * segments), segments)
     a = row * segments + column
     b = row * segments + (column + 1) % segments
     faces = np.concatenate(
         [np.stack([a, a + segments, b + segments], 1), np.stack([a, b + segments, b], 1)]
     )
-    area = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    corners = points[faces]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     faces = faces[np.linalg.norm(area, axis=1) > 1e-12]
     return mesh(points, faces, points[faces] if smooth else None, name="ball")
 
@@ -76,6 +75,7 @@ def scene(
     lights: list[Light],
     camera: Camera | None = None,
     materials: list[Material] | None = None,
+    *,
     resolution: tuple[int, int] = (16, 16),
     **others: Any,
 ) -> Scene:

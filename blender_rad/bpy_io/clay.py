@@ -24,7 +24,7 @@ def make_clay() -> None:
         if not bl_material.is_grease_pencil:
             _rebuild(bl_material, read_material(bl_material, "clay"))
     bare = bpy.data.materials.new(_NAME)
-    _rebuild(bare, Material(_NAME, albedo=(CLAY_ALBEDO,) * 3))
+    _rebuild(bare, Material(_NAME, albedo=(CLAY_ALBEDO, CLAY_ALBEDO, CLAY_ALBEDO)))
     for bl_object in bpy.data.objects:
         _cover(bl_object, bare)
 

@@ -56,7 +56,8 @@ def open_scene(
             f"frame {frame} out of range", str(file), "expected {} to {}".format(*FRAMES)
         )
     _load(file)
-    bl_scene = _choose("scene", scene, bpy.data.scenes, str(file)) or bpy.context.scene
+    context: Any = bpy.context
+    bl_scene = _choose("scene", scene, bpy.data.scenes, str(file)) or context.scene
     _choose_view_layer(bl_scene, view_layer, str(file))
     _choose_camera(bl_scene, camera, str(file))
     if frame is not None:
@@ -86,7 +87,8 @@ def _load(file: Path) -> None:
         said = " ".join(str(error).split()).removeprefix("Error: ")
         raise RadError("cannot read the file", str(file), f"expected {kind} ({said})") from error
     if imported:
-        bpy.context.scene[SOURCE_KEY] = str(file)
+        context: Any = bpy.context
+        context.scene[SOURCE_KEY] = str(file)
 
 
 def _choose(kind: str, name: str | None, known: Any, where: str) -> Any | None:

@@ -114,9 +114,10 @@ class RenderOptions(PictureCommand, verb="render"):
 def _text(document: dict[str, Any]) -> str:
     error = document["relative_standard_error"]
     fraction = 100 * document["coverage"]["supported_pixel_fraction"]
+    samples = document["samples_per_pixel"]
     lines = [
-        f"{document['output']}: {document['samples_per_pixel']:.1f} samples a pixel, "
-        f"relative standard error {100 * error:.2g} %, {fraction:.1f} % of the picture supported"
+        f"{document['output']}: {samples:.1f} samples a pixel",
+        f"relative standard error {100 * error:.2g} %, {fraction:.1f} % of the picture supported",
     ]
     lines += [f"{f.severity}: {f.object} {f.message}" for f in document["findings"]]
     return "\n".join(lines)
