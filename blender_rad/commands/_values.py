@@ -169,13 +169,14 @@ def exr_input(value: Any) -> Path:
     return existing_file(value, "expected an EXR file")
 
 
-def output_file(suffix: str) -> Parse:
-    """Return a parser of a path that can be written and ends in `suffix`."""
+def output_file(*suffixes: str) -> Parse:
+    """Return a parser of a path that can be written and ends in one of `suffixes`."""
+    kinds = " or ".join(suffixes)
 
     def parse(value: Any) -> Path:
         path = Path(value)
-        if path.suffix.lower() != suffix:
-            raise RadError("cannot write this format", str(path), f"expected a {suffix} file")
+        if path.suffix.lower() not in suffixes:
+            raise RadError("cannot write this format", str(path), f"expected a {kinds} file")
         if path.is_dir() or not os.access(path.parent, os.W_OK):
             raise RadError("cannot write there", str(path), "expected a file in a folder to write")
         return path

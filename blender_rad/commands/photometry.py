@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``photometry``: what the light of an IES or LDT file is, and whether the file can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import _values as values
+from ._base import Command, Outcome, option
+
+if TYPE_CHECKING:
+    from ..photometry import Distribution
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotometryOptions(Command, verb="photometry"):
+    """Read an IES or LDT file: flux, intensities, angles, opening, and what is wrong with it.
+
+    Attributes
+    ----------
+    plot : where the polar diagram goes.
+    unit : of the diagram.
+    lamp_set : which of an LDT file's lamp sets, from 1.
+    """
+
+    file: Path = option(
+        lambda value: values.existing_file(value, "expected an IES or LDT file"),
+        "an IES or LDT file",
+        metavar="FILE",
+        positional=True,
+    )
+    plot: Path | None = option(
+        values.output_file(".png", ".svg"), "write the polar diagram", metavar="OUT.png|OUT.svg"
+    )
+    unit: str = option(
+        values.choice("cd", "cd/klm"),
+        "of the diagram: cd or cd/klm (default: cd)",
+        default="cd",
+        metavar="UNIT",
+    )
+    lamp_set: int = option(
+        values.integer(1), "which of an LDT file's lamp sets (default: 1)", default=1, metavar="N"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.require("unit", "plot")
+
+    def run(self) -> Outcome:
+        from ..photometry import read_photometry
+
+        light = read_photometry(self.file, self.lamp_set)
+        if self.plot:
+            from ..photometry.polar import write_polar
+
+            write_polar(light, self.plot, "cd/klm" if self.unit == "cd/klm" else "cd")
+        document = _document(light)
+        document["plot"] = self.plot
+        wrong = any(finding.severity == "error" for finding in light.findings)
+        return Outcome(document, _text(document, str(self.file)), 1 if wrong else 0)
+
+
+def _document(light: Distribution) -> dict[str, Any]:
+    """Return the promised keys; lumens and candelas are null where the table holds W/sr."""
+    flux, visible = light.luminous_flux(), not light.radiometric
+    declared = light.declared_flux or light.lamp_flux
+    basis = "luminaire" if light.declared_flux else "lamps" if declared else None
+    power = light.input_power
+    return {
+        "format": light.format,
+        "name": light.name,
+        "photometric_type": light.kind,
+        "luminous_flux_declared_lm": declared if visible else None,
+        "luminous_flux_declared_of": basis,
+        "luminous_flux_lamps_lm": light.lamp_flux,
+        "luminous_flux_integrated_lm": flux if visible else None,
+        "luminous_flux_interpolated_lm": light.interpolated_flux() if visible else None,
+        "peak_luminous_intensity_cd": light.peak if visible else None,
+        "radiant_flux_declared_W": None if visible else light.declared_flux,
+        "radiant_flux_integrated_W": None if visible else flux,
+        "peak_radiant_intensity_W_sr": None if visible else light.peak,
+        "beam_angle_deg": light.beam_angle_deg(0),
+        "beam_angle_c90_c270_deg": light.beam_angle_deg(90),
+        "field_angle_deg": light.beam_angle_deg(0, 0.1),
+        "field_angle_c90_c270_deg": light.beam_angle_deg(90, 0.1),
+        "symmetry": light.symmetry,
+        "input_power_W": power,
+        "efficacy_lm_W": flux / power if power and visible else None,
+        "luminous_opening_m": light.opening,
+        "lamp_tilt": [{"angle_deg": angle, "factor": factor} for angle, factor in light.tilt],
+        "findings": light.findings,
+    }
+
+
+def _text(document: dict[str, Any], file: str) -> str:
+    """Return a table for people, without what the file does not tell."""
+    opening = document["luminous_opening_m"]
+    size = f"{opening.along_c0:.4g} × {opening.along_c90:.4g} × {opening.height:.4g} m"
+    declared, of = document["luminous_flux_declared_lm"], document["luminous_flux_declared_of"]
+    rows = [
+        ("format", document["format"], f"type {document['photometric_type']}"),
+        ("declared flux", declared, f"lm, of the {of}"),
+        ("integrated flux", document["luminous_flux_integrated_lm"], "lm"),
+        ("integrated flux", document["radiant_flux_integrated_W"], "W"),
+        ("peak intensity", document["peak_luminous_intensity_cd"], "cd"),
+        ("peak intensity", document["peak_radiant_intensity_W_sr"], "W/sr"),
+        ("beam angle", document["beam_angle_deg"], _other(document["beam_angle_c90_c270_deg"])),
+        ("field angle", document["field_angle_deg"], _other(document["field_angle_c90_c270_deg"])),
+        ("symmetry", document["symmetry"], ""),
+        ("input power", document["input_power_W"], "W"),
+        ("efficacy", document["efficacy_lm_W"], "lm/W"),
+        ("opening", opening.shape, size),
+    ]
+    lines = [f"{file}: {document['name']}"]
+    lines += [
+        f"  {label:16} {_short(value)} {unit}".rstrip()
+        for label, value, unit in rows
+        if value is not None
+    ]
+    lines += [f"{f.severity}: {f.code}: {f.message}" for f in document["findings"]]
+    return "\n".join(lines)
+
+
+def _other(angle: float | None) -> str:
+    return "° in C0–C180" + (f", {angle:.5g} ° in C90–C270" if angle is not None else "")
+
+
+def _short(value: object) -> str:
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

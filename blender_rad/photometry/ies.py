@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""IES LM-63 files of 1986, 1991, 1995, 2002 and 2019."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from .distribution import Distribution, Kind, Opening
+from .grid import SAME_DEG, check_range, in_order, light_of, mirrored, unfold_planes
+from .text import Array, Numbers, Reader
+
+FEET = 0.3048  # m
+VERSION = re.compile(r"\s*IES(?:NA)?[:\s]*(?:LM-?63-?)?(?:19|20)?(86|91|95|02|19)\b", re.IGNORECASE)
+YEARS = {"86": 1986, "91": 1991, "95": 1995, "02": 2002, "19": 2019}
+TILT = re.compile(r"\s*TILT\s*=\s*(.*)", re.IGNORECASE)
+KEYWORD = re.compile(r"\s*\[([^\]]*)\]\s*(.*)")
+STATED_FLUX = ("ABSOLUTELUMENS", "TOTALLUMINAIRELUMENS", "LUMINAIRELUMENS")
+RADIOMETRIC = re.compile(r"\bmW/sr\b|radiometric units", re.IGNORECASE)
+VERTICAL: dict[Kind, tuple[int, int]] = {"A": (-90, 90), "B": (-180, 180), "C": (0, 180)}
+HORIZONTAL: dict[Kind, tuple[int, int]] = {"A": (-180, 180), "B": (-90, 90), "C": (-360, 360)}
+HEADER = (
+    "number of lamps, lumens, multiplier, counts of angles, photometric type, units, width, "
+    "length, height; ballast factor, future use, input watts"
+)
+# Shapes by the signs of width, length, height. A zero beside a negative width is a circle's
+# diameter in files before 2002.
+BEFORE_2002 = {
+    (-1, 0, 0): "circular",
+    (-1, 0, -1): "sphere",
+    (-1, 0, 1): "vertical cylinder",
+    (0, 1, -1): "horizontal cylinder along C0",
+    (1, 0, -1): "horizontal cylinder along C90",
+    (-1, 1, 0): "ellipse",
+    (1, -1, 0): "ellipse",
+    (-1, 1, -1): "ellipsoid",
+    (1, -1, -1): "ellipsoid",
+}
+SINCE_2002 = {
+    (-1, 1, -1): "horizontal cylinder along C0",
+    (1, -1, -1): "horizontal cylinder along C90",
+    (-1, 0, -1): "vertical circle",
+    (0, -1, -1): "vertical circle",
+}
+ALWAYS = {
+    (0, 0, 0): "point",
+    (1, 1, 0): "rectangular",
+    (1, 1, 1): "box",
+    (-1, -1, 0): "circular",
+    (-1, -1, 1): "vertical cylinder",
+    (-1, -1, -1): "sphere",
+    (1, 0, 0): "line",
+    (0, 1, 0): "line",
+    (1, 0, 1): "vertical rectangle",
+    (0, 1, 1): "vertical rectangle",
+    (0, 0, 1): "line",
+}
+
+
+def is_ies(reader: Reader) -> bool:
+    """Return whether the file has the one line that every IES file has."""
+    return any(TILT.match(text) for text in reader.lines)
+
+
+def parse_ies(reader: Reader, folder: Path | None = None) -> Distribution:
+    """Return the distribution of an IES file; its tilt file is looked for in `folder`."""
+    tilt_line = next(n for n, text in enumerate(reader.lines, 1) if TILT.match(text))
+    year = _year(reader)
+    labels = _labels(reader.lines[: tilt_line - 1])
+    numbers = reader.tokens(tilt_line + 1)
+    tilt = _tilt(reader, numbers, tilt_line, folder)
+    lamps, lumens, multiplier = numbers.take(3, HEADER)
+    n_vertical = numbers.choice("the number of vertical angles", 2)
+    n_horizontal = numbers.choice("the number of horizontal angles", 1)
+    kind: Kind = ("C", "B", "A")[numbers.choice("photometric type 1 (C), 2 (B) or 3 (A)", 1, 3) - 1]
+    metres = numbers.choice("units of length 1 (feet) or 2 (metres)", 1, 2) == 2
+    opening = _opening(reader, numbers.take(3, HEADER) * (1.0 if metres else FEET), year)
+    line = numbers.line
+    ballast, future, watts = numbers.take(3, HEADER)
+    for name, factor in (("multiplier", multiplier), ("ballast factor", ballast)):
+        if not factor > 0:
+            raise reader.refuse(f"a {name} of {factor:g}", line, f"expected above 0 in {HEADER}")
+    ballast *= _lamp_factor(reader, year, float(future), numbers.line)
+    longitude, latitude, table, symmetry = _table(reader, numbers, kind, n_vertical, n_horizontal)
+    radiometric = bool(RADIOMETRIC.search("\n".join(reader.lines[: tilt_line - 1])))
+    unit = 1e-3 if radiometric else 1.0
+    if radiometric:
+        message = "the table holds mW/sr, not cd; powers are given in W, and no lumens"
+        reader.note("radiometric", "warning", message)
+    if lamps <= 0 and lumens >= 0:
+        reader.note("no-lamps", "warning", f"{lamps:g} lamps; taken as 1")
+        lamps = 1.0
+    return Distribution(
+        name=_name(labels, reader),
+        format=f"LM-63-{year}",
+        kind=kind,
+        longitude=longitude,
+        latitude=latitude,
+        intensity=light_of(reader, table, float(multiplier * ballast) * unit, numbers.line),
+        symmetry=symmetry,
+        opening=opening,
+        lamp_flux=None if lumens < 0 or radiometric else float(lamps * lumens * ballast),
+        declared_flux=_stated_flux(labels, unit) if lumens < 0 else None,
+        input_power=float(watts) if watts > 0 else None,
+        radiometric=radiometric,
+        tilt=tilt,
+        findings=tuple(reader.findings),
+    )
+
+
+def _year(reader: Reader) -> int:
+    """Return the edition that the file's first line with text names, 1986 where it names none."""
+    first = next((text for text in reader.lines if text.strip()), "")
+    match = VERSION.match(first)
+    if match is None and first.strip().upper().startswith("IES"):
+        message = f"unknown edition {first.strip()[:40]!r}; read as LM-63-2002"
+        reader.note("unknown-edition", "warning", message)
+        return 2002
+    return YEARS[match[1]] if match else 1986
+
+
+def _labels(lines: list[str]) -> dict[str, str]:
+    """Return the first text of each keyword, without the underscore of the maker's own."""
+    matches = (KEYWORD.match(text) for text in reversed(lines))
+    return {m[1].strip().upper().lstrip("_"): m[2].strip() for m in matches if m}
+
+
+def _name(labels: Mapping[str, str], reader: Reader) -> str:
+    """Return maker and catalogue number, else the description, else the file's name."""
+    number = labels.get("LUMCAT", "")
+    named = f"{labels.get('MANUFAC', '')} {number}" if number else labels.get("LUMINAIRE", "")
+    return named.strip() or Path(reader.name).stem
+
+
+def _stated_flux(labels: Mapping[str, str], unit: float) -> float | None:
+    """Return the luminaire's flux [lm, W] that a keyword states."""
+    for key in STATED_FLUX:
+        match = re.match(r"\d+(?:\.\d+)?", labels.get(key, ""), re.ASCII)
+        if match and 0 < float(match[0]) < np.inf:
+            return float(match[0]) * unit
+    return None
+
+
+def _lamp_factor(reader: Reader, year: int, future: float, line: int) -> float:
+    """Return what field 12 multiplies: the ballast-lamp factor until 1995, nothing since.
+
+    2002 keeps it at 1 for future use; 2019 states there how the file came about.
+    """
+    if year <= 1995 and not future > 0:
+        raise reader.refuse(f"a ballast-lamp factor of {future:g}", line, "expected above 0")
+    if year == 2002 and future != 1:
+        message = f"field 12 is for future use and should be 1; {future:g} is not applied"
+        reader.note("future-use", "warning", message, 100 * (future - 1))
+    return future if year <= 1995 else 1.0
+
+
+def _tilt(
+    reader: Reader, numbers: Numbers, line: int, folder: Path | None
+) -> tuple[tuple[float, float], ...]:
+    """Return (tilt [deg], factor) as TILT= gives them: here, in a file beside this one, or none."""
+    source, match = reader, TILT.match(reader.lines[line - 1])
+    what = re.sub(r"^FILE\s+", "", match[1].strip(), flags=re.IGNORECASE) if match else ""
+    if what.upper() in ("NONE", ""):
+        return ()
+    if what.upper() != "INCLUDE":
+        path = folder / re.split(r"[/\\:]", what)[-1] if folder else None
+        if path is None or not path.is_file():
+            message = f"no file {what[:60]!r} beside this one; output when tilted is not known"
+            reader.note("tilt-file-missing", "warning", message)
+            return ()
+        reader = Reader(path.read_bytes(), str(path))
+        numbers = reader.tokens(1)
+    numbers.choice("lamp-to-luminaire geometry", 1, 3)
+    count = numbers.choice("the number of tilt angles", 1)
+    angles = numbers.take(count, f"{count} tilt angles")
+    factors = numbers.take(count, f"{count} tilt factors")
+    if (factors < 0).any():
+        raise reader.refuse("a negative tilt factor", numbers.line, "expected 0 or more")
+    message = f"tilted lamps give {factors.min():g} to {factors.max():g} of the flux; not applied"
+    source.note("lamp-tilt", "info", message)
+    return tuple(zip(angles.tolist(), factors.tolist(), strict=True))
+
+
+def _opening(reader: Reader, size: Array, year: int) -> Opening:
+    """Return the opening of signed width, length, height [m]; the signs say its shape."""
+    width, length, height = np.abs(size).tolist()
+    signs = (int(np.sign(size[0])), int(np.sign(size[1])), int(np.sign(size[2])))
+    shape = {**ALWAYS, **(SINCE_2002 if year >= 2002 else BEFORE_2002)}.get(signs)
+    if shape is None and signs == (-1, 0, 0):
+        shape = "circular"
+        reader.note("opening-shape", "info", "a circle in the manner of 1995, in a later file")
+    if shape is None:
+        shape = "rectangular" if height == 0 else "box"
+        message = f"no shape has the signs of {size.tolist()} m; taken as {shape}"
+        reader.note("opening-shape", "warning", message)
+    if shape in ("circular", "sphere", "vertical cylinder"):
+        width, length = width or length, length or width
+        if abs(width - length) > 1e-9 * width:
+            shape = {"circular": "ellipse", "sphere": "ellipsoid"}.get(shape, "elliptic cylinder")
+    elif shape.startswith("horizontal cylinder"):
+        width, length = width or height, length or height
+    return Opening(shape, length, width, height)
+
+
+def _table(
+    reader: Reader, numbers: Numbers, kind: Kind, n_vertical: int, n_horizontal: int
+) -> tuple[Array, Array, Array, str]:
+    """Return longitude, latitude [deg], the unfolded table, and the symmetry."""
+    vertical = numbers.take(n_vertical, f"{n_vertical} vertical angles")
+    line = numbers.line
+    horizontal = numbers.take(n_horizontal, f"{n_horizontal} horizontal angles")
+    count = n_vertical * n_horizontal
+    what = f"{n_horizontal} × {n_vertical} intensities"
+    table = numbers.take(count, what).reshape(n_horizontal, n_vertical)
+    numbers.note_rest()
+    check_range(reader, vertical, *VERTICAL[kind], line)
+    check_range(reader, horizontal, *HORIZONTAL[kind], line)
+    horizontal, table = in_order(reader, horizontal, table, "horizontal angles")
+    vertical, table = in_order(reader, vertical, table.T, "vertical angles")
+    if len(vertical) < 2:
+        raise reader.refuse("one vertical angle", line, "expected two that differ")
+    if kind == "C":
+        planes, unfolded, symmetry = unfold_planes(reader, horizontal, table.T, line)
+        return planes, vertical - 90, unfolded, symmetry
+    if len(horizontal) < 2:
+        raise reader.refuse("one horizontal angle", line, f"expected two or more in type {kind}")
+    return _turned(kind, horizontal, vertical, table.T)
+
+
+def _turned(
+    kind: Kind, horizontal: Array, vertical: Array, table: Array
+) -> tuple[Array, Array, Array, str]:
+    """Return the grid of type A or B; angles that start at 0 hold for both sides."""
+    same = ""
+    if abs(horizontal[0]) < SAME_DEG:
+        horizontal, table = mirrored(horizontal, table, at_end=False)
+        same = "left-right"
+    if abs(vertical[0]) < SAME_DEG:
+        vertical, transposed = mirrored(vertical, table.T, at_end=False)
+        table, same = transposed.T, f"{same} and up-down" if same else "up-down"
+    if kind == "A":
+        return horizontal, vertical, table, same or "none"
+    return vertical, horizontal, table.T, same or "none"

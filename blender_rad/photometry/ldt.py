@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""EULUMDAT files (.ldt), Stockmar's format of 1990: one value a line, up to the tables."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from .distribution import Distribution, Opening
+from .grid import SAME_DEG, check_range, in_order, light_of, unfold_planes
+from .text import NUMBER, Array, Reader
+
+MM = 1e-3
+SETS_LIMIT = 20  # the format's own
+FIRST_SET = 27  # line of the first lamp set, six lines each
+RATIOS = 10  # of direct light in rooms, which nobody needs
+# First and last C plane in the file, by symmetry indicator.
+STORED = {0: (0.0, 360.0), 1: (0.0, 0.0), 2: (0.0, 180.0), 3: (-90.0, 90.0), 4: (0.0, 90.0)}
+
+
+class LampSet(NamedTuple):
+    """Lamps that the luminaire may carry."""
+
+    absolute: bool
+    lamps: str
+    flux: float  # [lm] of all its lamps
+    power: float  # [W]
+
+
+def parse_ldt(reader: Reader, lamp_set: int = 1) -> Distribution:
+    """Return the distribution of an EULUMDAT file with one of its lamp sets (from 1)."""
+    reader.lines = [text.strip() for text in reader.lines]
+    _start_at_first_line(reader)
+    symmetry = _whole(reader, 3, "the symmetry indicator 0 to 4", 0, 4)
+    n_planes = _whole(reader, 4, "the number of C planes", 1, 721)
+    n_gamma = _whole(reader, 6, "the number of angles in a plane", 2, 3601)
+    n_sets = _whole(reader, 26, "the number of lamp sets", 1, SETS_LIMIT)
+    sets = [_lamp_set(reader, FIRST_SET + 6 * i) for i in range(n_sets)]
+    if lamp_set > n_sets:
+        where = FIRST_SET - 1
+        raise reader.refuse(f"no lamp set {lamp_set}", where, f"expected one of 1 to {n_sets}")
+    lamp = sets[lamp_set - 1]
+    if n_sets > 1:
+        listed = "; ".join(f"{i}: {s.lamps}, {s.flux:g} lm" for i, s in enumerate(sets, 1))
+        reader.note("lamp-sets", "info", f"set {lamp_set} is used of {listed}")
+    longitude, gamma, table, label = _table(reader, symmetry, n_planes, n_gamma, n_sets)
+    ratio = _lenient(reader, 23) / 100
+    if lamp.absolute and abs(ratio - 1) > 1e-3:
+        message = f"absolute photometry, but a light output ratio of {100 * ratio:g} %"
+        reader.note("light-output-ratio", "warning", message)
+    tilt = _lenient(reader, 25)
+    if tilt:
+        message = f"measured at a tilt of {tilt:g}°; not turned back"
+        reader.note("tilted-measurement", "info", message)
+    scale = lamp.flux / 1000 * _conversion(reader)
+    return Distribution(
+        name=reader.lines[8] or Path(reader.name).stem,
+        format="EULUMDAT",
+        kind="C",
+        longitude=longitude,
+        latitude=gamma - 90,
+        intensity=light_of(reader, table, scale, len(reader.lines)),
+        symmetry=label,
+        opening=_opening(reader),
+        lamp_flux=None if lamp.absolute else lamp.flux,
+        declared_flux=lamp.flux * (1.0 if lamp.absolute else ratio) or None,
+        downward_fraction=_lenient(reader, 22) / 100 if reader.lines[21] else None,
+        input_power=lamp.power if lamp.power > 0 else None,
+        findings=tuple(reader.findings),
+    )
+
+
+def _start_at_first_line(reader: Reader) -> None:
+    """Drop blank lines before the maker's name, where the third line is not the symmetry."""
+    blank = next((i for i, text in enumerate(reader.lines) if text), 0)
+    if blank and not re.fullmatch(r"[0-4]", "".join(reader.lines[2:3])):
+        message = f"{blank} blank lines before the first; left out, and not counted here"
+        reader.note("blank-lines", "info", message)
+        reader.lines = reader.lines[blank:]
+    if len(reader.lines) < FIRST_SET + 6:
+        expected = f"expected at least the {FIRST_SET + 5} lines before the tables of an LDT file"
+        raise reader.refuse("the file ends", len(reader.lines), expected)
+
+
+def _number(reader: Reader, line: int, what: str) -> float:
+    text = reader.lines[line - 1] if line <= len(reader.lines) else ""
+    return reader.number(text.replace(",", "."), line, what)
+
+
+def _whole(reader: Reader, line: int, what: str, low: int, high: int) -> int:
+    value = _number(reader, line, what)
+    if value != int(value) or not low <= value <= high:
+        message = f"{value:g} is not allowed"
+        raise reader.refuse(message, line, f"expected {what}, a whole number {low} to {high}")
+    return int(value)
+
+
+def _lenient(reader: Reader, line: int) -> float:
+    """Return the number that a line starts with, 0 without: for what does not change the light."""
+    match = NUMBER.match(reader.lines[line - 1].replace(",", "."))
+    value = float(match[0]) if match else 0.0
+    if not match and reader.lines[line - 1]:
+        text = reader.lines[line - 1][:30]
+        reader.note("not-a-number", "info", f"{text!r} in line {line} is no number; left out")
+    return value if np.isfinite(value) else 0.0
+
+
+def _lamp_set(reader: Reader, line: int) -> LampSet:
+    count = _number(reader, line, "the number of lamps")
+    flux = _number(reader, line + 2, "the luminous flux of the lamps in lm")
+    if not flux > 0:
+        expected = "expected lumens above 0, since the intensities are per 1000 of them"
+        raise reader.refuse(f"a lamp flux of {flux:g}", line + 2, expected)
+    if count == 0:
+        reader.note("no-lamps", "warning", f"no lamps in line {line}; the flux of the set counts")
+    name = f"{abs(count):g} × {reader.lines[line]}"
+    power = _lenient(reader, line + 5) if len(reader.lines) >= line + 5 else 0.0
+    return LampSet(count < 0, name, flux, power)
+
+
+def _conversion(reader: Reader) -> float:
+    """Return the factor on the intensities that the measurement asks for."""
+    text = reader.lines[23]
+    factor = _number(reader, 24, "the conversion factor of the intensities") if text else 0.0
+    if factor < 0:
+        raise reader.refuse(f"a conversion factor of {factor:g}", 24, "expected above 0")
+    if factor == 0:
+        reader.note("conversion-factor", "warning", "no conversion factor; taken as 1")
+    elif factor != 1:
+        message = f"intensities are times the conversion factor {factor:g}"
+        reader.note("conversion-factor", "info", message, 100 * (factor - 1))
+    return factor or 1.0
+
+
+def _opening(reader: Reader) -> Opening:
+    """Return the luminous area of lines 16 to 21 [mm]; the length lies along C90–C270."""
+    length, width = (abs(_lenient(reader, line)) * MM for line in (16, 17))
+    height = max(abs(_lenient(reader, line)) * MM for line in range(18, 22))
+    if length and not width:
+        return Opening("vertical cylinder" if height else "circular", length, length, height)
+    shape = "box" if height else "rectangular" if length or width else "point"
+    return Opening(shape, width, length, height)
+
+
+def _table(
+    reader: Reader, symmetry: int, n_planes: int, n_gamma: int, n_sets: int
+) -> tuple[Array, Array, Array, str]:
+    """Return C planes, gamma [deg], the unfolded table [cd/klm], and the symmetry.
+
+    All planes of the full turn are listed, those that symmetry leaves out as well; the tables hold
+    the others from `STORED`'s first to its last.
+    """
+    numbers = reader.tokens(FIRST_SET + 6 * n_sets + RATIOS, decimal_comma=True)
+    planes = numbers.take(n_planes, f"{n_planes} C planes")
+    check_range(reader, planes, 0, 360, numbers.line)
+    planes, line = _stored(reader, symmetry, planes, numbers.line), numbers.line
+    gamma = numbers.take(n_gamma, f"{n_gamma} angles in a plane")
+    check_range(reader, gamma, 0, 180, numbers.line)
+    what = f"{len(planes)} × {n_gamma} intensities"
+    table = numbers.take(len(planes) * n_gamma, what).reshape(len(planes), n_gamma)
+    numbers.note_rest()
+    planes, table = in_order(reader, planes, table, "C planes")
+    gamma, transposed = in_order(reader, gamma, table.T, "angles in a plane")
+    if len(gamma) < 2:
+        raise reader.refuse("one angle in a plane", numbers.line, "expected two that differ")
+    planes, table, label = unfold_planes(reader, planes, transposed.T, line, ring=symmetry == 0)
+    return planes, gamma, table, label
+
+
+def _stored(reader: Reader, symmetry: int, planes: Array, line: int) -> Array:
+    """Return the planes that the tables hold, those of C270 to C360 before C0."""
+    first, last = STORED[symmetry]
+    if symmetry == 1:
+        return planes[:1]
+    turned = np.where(planes >= first + 360 - SAME_DEG, planes - 360, planes)
+    if symmetry == 3:
+        turned = np.sort(turned)
+    kept = turned[(turned >= first - SAME_DEG) & (turned <= last + SAME_DEG)]
+    if symmetry and (len(kept) < 2 or abs(kept[0] - first) + abs(kept[-1] - last) > SAME_DEG):
+        expected = f"expected C planes from {first % 360:g}° to {last:g}° for symmetry {symmetry}"
+        raise reader.refuse("planes are missing", line, expected)
+    return kept
