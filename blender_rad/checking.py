@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from .compare import Comparison, LightInfo, judge, judge_pictures
 from .emitters import emitters
+from .errors import Finding
 from .film import Film
 from .progress import bar
 from .rendering import Settings, render
@@ -28,8 +29,10 @@ Pictures = NDArray[np.float32]
 
 FIRST_SEEDS = 8
 FIRST_SAMPLES = 64  # a pixel and seed of the witness
-FIRST_ERROR = 0.02  # relative standard error of our film
 MAX_SEEDS = 64
+OUR_FIRST_SAMPLES = 32  # a pixel, the same for all: samples that follow the noise bias the mean
+OUR_MAX_SAMPLES = 512
+MAX_GROWTH = 8.0  # of the samples from one round to the next
 MAX_ROUNDS = 4
 
 
@@ -125,8 +128,7 @@ class Check:
         self.scene, self.terms = scene, terms
         self._clock = _Clock()
         self._settings = Settings(
-            samples=terms.samples,
-            error=FIRST_ERROR,
+            samples=terms.samples or OUR_FIRST_SAMPLES,
             threads=terms.threads,
             per_light=True,
             seed=seed,
@@ -150,15 +152,54 @@ class Check:
         for round_index in range(MAX_ROUNDS):
             judged = partial(judge, self.film, pictures, round_index=round_index)
             comparison = self._decide(judged)
-            more = self._seeds_wanted(comparison, len(pictures))
-            if self.terms.samples is not None or not more or round_index == MAX_ROUNDS - 1:
+            if comparison.needed_factor is None:
                 break
-            if comparison.our_noise_share > 0.5:
-                self._improve_ours(comparison)
-            else:
-                seeds = range(len(pictures) + 1, len(pictures) + more + 1)
-                pictures = np.concatenate([pictures, self._ask_witness(witness, seeds, each)])
+            ours, seeds = self._wanted(comparison, len(pictures))
+            last = round_index == MAX_ROUNDS - 1 or self.terms.samples is not None
+            if last or (ours == self._our_samples and seeds == len(pictures)):
+                comparison = self._too_noisy(comparison)
+                break
+            if ours > self._our_samples:
+                self._settings = replace(self._settings, samples=ours)
+                self.film = self._clock("ours", self._render_ours)
+            if seeds > len(pictures):
+                more = self._ask_witness(witness, range(len(pictures) + 1, seeds + 1), each)
+                pictures = np.concatenate([pictures, more])
         return Result(self.film, pictures, comparison, each, self._clock.seconds)
+
+    @property
+    def _our_samples(self) -> int:
+        return self._settings.samples or OUR_FIRST_SAMPLES
+
+    def _wanted(self, comparison: Comparison, seeds: int) -> tuple[int, int]:
+        """Return our samples and the witness's seeds for the next round; no more if in vain.
+
+        With s our share of the variance, variance falls to 1/f for the fewest samples when ours
+        grow by f (s + √(s(1−s))) and the witness's by f (1−s + √(s(1−s))).
+        """
+        have = self._our_samples
+        share = min(max(comparison.our_noise_share, 0.0), 1.0)
+        at_best = share * have / OUR_MAX_SAMPLES + (1.0 - share) * seeds / MAX_SEEDS
+        if comparison.least_factor * at_best > 1.0:
+            return have, seeds
+        both = math.sqrt(share * (1.0 - share))
+        factor = min(comparison.needed_factor or 1.0, MAX_GROWTH)
+        ours = math.ceil(have * factor * (share + both))
+        theirs = math.ceil(seeds * factor * (1.0 - share + both))
+        return (
+            max(have, min(ours, OUR_MAX_SAMPLES)),
+            max(seeds, min(theirs, MAX_SEEDS)),
+        )
+
+    def _too_noisy(self, comparison: Comparison) -> Comparison:
+        """Return the comparison with what holds it up, and what would settle it."""
+        about = comparison.held_up_by
+        message = (
+            f"the noise of {about} is {comparison.held_up_error:.2g} of its tolerance: about "
+            f"{comparison.needed_factor:.0f} times the samples would decide"
+        )
+        finding = Finding("noise-too-high", "warning", about, message)
+        return replace(comparison, findings=(*comparison.findings, finding))
 
     def _decide(self, judged: Callable[..., Comparison]) -> Comparison:
         """Return the judgment; where it differs, knowing the pictures that causes would make."""
@@ -188,20 +229,6 @@ class Check:
         lights = tuple(switched.get(light.name, light) for light in self.scene.lights)
         film = self._render_ours(replace(self.scene, lights=lights))
         return {name: {"soft-falloff": film.lights[name]} for name in switched}
-
-    def _seeds_wanted(self, comparison: Comparison, have: int) -> int:
-        """Return how many seeds to add, or 1 where it is our samples that are wanted."""
-        if comparison.verdict != "undecided" or comparison.needed_factor is None:
-            return 0
-        if comparison.our_noise_share > 0.5:
-            return 1
-        wanted = math.ceil(have * min(comparison.needed_factor, 8.0))
-        return max(0, min(MAX_SEEDS, max(wanted, have + 2)) - have)
-
-    def _improve_ours(self, comparison: Comparison) -> None:
-        better = self._settings.error / math.sqrt(2.0 * (comparison.needed_factor or 1.0))
-        self._settings = replace(self._settings, error=max(better, self._settings.error / 8.0))
-        self.film = self._clock("ours", self._render_ours)
 
     def _ask_witness(self, witness: Witness, seeds: Sequence[int], samples: int) -> Pictures:
         def work() -> Pictures:

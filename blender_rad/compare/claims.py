@@ -28,12 +28,13 @@ Rounds. Looking again after more samples is another chance to err: round i = 0, 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .factors import Problem
-from .pools import Array, Estimates, Mask, Pools
+from .pools import MAX_DF, Array, Estimates, Mask, Pools
 from .result import MIN_ENERGY
 from .statistics import critical_value, holm, p_equivalent, p_outside, t_quantile
 
@@ -116,13 +117,33 @@ def claims_of(pools: Pools, problem: Problem, tolerance: float) -> Claims:
     ))
 
 
-def foretell(claims: Claims, alpha: float) -> tuple[float, float]:
-    """Return how many times the samples would decide the next round, and our share of the noise.
+class Forecast(NamedTuple):
+    """What would settle an open comparison.
+
+    Attributes
+    ----------
+    factor : how many times the samples would probably decide the next round.
+    least : how many times they must be at least, even if there were no difference at all.
+    our_share : part of the variance that is ours.
+    error : of the claim that holds the verdict up, relative to its tolerance.
+    group : of that claim.
+    """
+
+    factor: float
+    least: float
+    our_share: float
+    error: float
+    group: int
+
+
+def foretell(claims: Claims, alpha: float) -> Forecast:
+    """Return how many times the samples would decide the next round, and whose they should be.
 
     Noise falls as 1/√n: a claim needs (t σ / gap)², where the gap is the distance from its
     difference to the tolerance. A difference that is itself noise says nothing about the gap, which
     is then the tolerance; and no round asks for more than the noise of its own gap justifies. One
-    claim that looks clearly outside will do; otherwise all open ones must come in.
+    claim that looks clearly outside will do; otherwise all open ones must come in, which no
+    luck makes possible before t σ is below the tolerance.
     """
     open_ = claims.required & ~claims.within(alpha)
     alpha = 0.5 * alpha  # of the next round
@@ -130,11 +151,20 @@ def foretell(claims: Claims, alpha: float) -> tuple[float, float]:
     gap = np.maximum(np.abs(size - claims.tolerance), np.minimum(claims.tolerance, claims.error))
     t = critical_value(alpha, df)
     needed = SAFETY * (t * claims.error / gap) ** 2
+    error = claims.error / claims.tolerance
+    least = (critical_value(alpha, MAX_DF) * error) ** 2
     clear = size - claims.tolerance > 2.0 * claims.error
     if clear.any():
         t_differ = t_quantile(alpha * claims.weight[clear], claims.df[clear])
         needed[clear] *= (t_differ / t) ** 2
+        least[clear] = 0.0
         chosen = np.flatnonzero(clear)[np.argmin(needed[clear])]
     else:
         chosen = np.flatnonzero(open_)[np.argmax(needed[open_])]
-    return max(float(needed[chosen]), 1.25), float(claims.our_share[chosen])
+    return Forecast(
+        max(float(needed[chosen]), 1.25),
+        float(least[chosen]),
+        float(claims.our_share[chosen]),
+        float(error[chosen]),
+        int(claims.group[chosen]),
+    )

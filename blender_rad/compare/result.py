@@ -72,6 +72,9 @@ class Comparison:
     ----------
     needed_factor : how many times the samples would probably decide; None when decided, or when no
         number of samples can.
+    least_factor : how many times they must be at least, whatever the luck; 0 when decided.
+    held_up_by : what holds the verdict up, in words, and `held_up_error` its standard error
+        relative to its tolerance.
     our_noise_share : part of the variance of what is undecided that is ours; the rest is the
         witness's. Tells whose samples to buy.
     pixel_classes : (h, w) uint8, one of EXCLUDED, AGREE, DIFFER, UNDECIDED.
@@ -85,6 +88,9 @@ class Comparison:
     needed_factor: float | None
     our_noise_share: float
     pixel_classes: NDArray[np.uint8] = field(repr=False)
+    least_factor: float = 0.0
+    held_up_by: str = ""
+    held_up_error: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Return `verdict`, `pixels`, `metrics`, `lights` and `findings`; null where not finite."""

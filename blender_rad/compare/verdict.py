@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import Finding, RadError
 from ..film import Film
-from .claims import TILE_TOLERANCES, TILES, Claims, claims_of, foretell
+from .claims import FRAME, TILE_TOLERANCES, TILES, Claims, claims_of, foretell
 from .diagnosis import Case, Clues, Diagnosis, diagnose
 from .factors import Problem, problem_from_cells
 from .metrics import compute_all
@@ -211,20 +211,34 @@ def _judge(job: _Job) -> Comparison:
         explained = _explain(job, pools, problem, verdicts)
         job.findings.extend(explained.findings)
         job.findings.extend(_tile_findings(pools, outside[claims.group == TILES]))
-    factor, share = None, 0.0
-    if verdict == "undecided" and job.may_agree and not job.has("coverage-low"):
-        factor, share = foretell(claims, job.alpha)
     classes = _classify(job, mean, pools)
-    return Comparison(
+    comparison = Comparison(
         verdict,
         _count(classes, job),
         metrics,
         _light_results(job, problem, explained),
         tuple(job.findings),
-        factor,
-        share,
+        None,
+        0.0,
         classes,
     )
+    if verdict != "undecided" or not job.may_agree or job.has("coverage-low"):
+        return comparison
+    ahead = foretell(claims, job.alpha)
+    return replace(
+        comparison,
+        needed_factor=ahead.factor,
+        our_noise_share=ahead.our_share,
+        least_factor=ahead.least,
+        held_up_by=_subject(job.cells, problem, ahead.group),
+        held_up_error=ahead.error,
+    )
+
+
+def _subject(cells: Cells, problem: Problem, group: int) -> str:
+    if group in (FRAME, TILES):
+        return "the whole picture" if group == FRAME else "a tile"
+    return " + ".join(cells.names[j] for j in problem.groups[group])
 
 
 def _verdict(claims: Claims, outside: Mask, within: Mask) -> Verdict:

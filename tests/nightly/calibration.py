@@ -30,6 +30,8 @@ from blender_rad.checking import Check, Result, Terms, Witness
 from blender_rad.compare import LightResult
 from blender_rad.compare.result import MIN_ENERGY
 
+from . import calibration_scene
+
 STRONGER = 1.02
 SEEDS_A_CHECK = 1000  # more than one check can buy
 ERRORS = 3.0
@@ -188,7 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--trials", type=int, default=100)
     parser.add_argument("--scene", type=Path, help="a .blend file (default: four lights)")
-    parser.add_argument("--resolution", type=int, nargs=2, default=(64, 48), metavar=("W", "H"))
+    parser.add_argument("--resolution", type=int, nargs=2, default=(48, 36), metavar=("W", "H"))
     parser.add_argument("--threads", type=int)
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)

@@ -22,6 +22,7 @@ def build() -> Any:
     bpy.ops.mesh.primitive_plane_add(size=8)
     for x, y, side in ((-0.6, 0.2, 0.5), (0.9, -0.1, 0.4)):
         bpy.ops.mesh.primitive_cube_add(size=side, location=(x, y, side / 2))
+    _paint()
     for kind, (place, properties) in WHERE.items():
         data = bpy.data.lights.new(kind.title(), kind)
         for key, value in properties.items():
@@ -33,3 +34,17 @@ def build() -> Any:
     bpy.context.scene.camera = bpy.context.object
     bpy.context.scene.render.engine = 'CYCLES'
     return bpy.context.scene
+
+
+def _paint() -> None:
+    """Make all surfaces Lambert; from Blender 5, what has no material is Principled."""
+    grey = bpy.data.materials.new("Grey")
+    if grey.node_tree is None:
+        grey.use_nodes = True
+    nodes = grey.node_tree.nodes
+    nodes.clear()
+    output, diffuse = nodes.new('ShaderNodeOutputMaterial'), nodes.new('ShaderNodeBsdfDiffuse')
+    diffuse.inputs["Color"].default_value = (0.7, 0.7, 0.7, 1.0)
+    grey.node_tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
+    for mesh in bpy.data.meshes:
+        mesh.materials.append(grey)
