@@ -59,7 +59,7 @@ class PhotometryOptions(Command, verb="photometry"):
         document = _document(light)
         document["plot"] = self.plot
         wrong = any(finding.severity == "error" for finding in light.findings)
-        return Outcome(document, _text(document, str(self.file)), 1 if wrong else 0)
+        return Outcome(document, _text(document, self.file), 1 if wrong else 0)
 
 
 def _document(light: Distribution) -> dict[str, Any]:
@@ -94,38 +94,14 @@ def _document(light: Distribution) -> dict[str, Any]:
     }
 
 
-def _text(document: dict[str, Any], file: str) -> str:
-    """Return a table for people, without what the file does not tell."""
-    opening = document["luminous_opening_m"]
-    size = f"{opening.along_c0:.4g} × {opening.along_c90:.4g} × {opening.height:.4g} m"
-    declared, of = document["luminous_flux_declared_lm"], document["luminous_flux_declared_of"]
-    rows = [
-        ("format", document["format"], f"type {document['photometric_type']}"),
-        ("declared flux", declared, f"lm, of the {of}"),
-        ("integrated flux", document["luminous_flux_integrated_lm"], "lm"),
-        ("integrated flux", document["radiant_flux_integrated_W"], "W"),
-        ("peak intensity", document["peak_luminous_intensity_cd"], "cd"),
-        ("peak intensity", document["peak_radiant_intensity_W_sr"], "W/sr"),
-        ("beam angle", document["beam_angle_deg"], _other(document["beam_angle_c90_c270_deg"])),
-        ("field angle", document["field_angle_deg"], _other(document["field_angle_c90_c270_deg"])),
-        ("symmetry", document["symmetry"], ""),
-        ("input power", document["input_power_W"], "W"),
-        ("efficacy", document["efficacy_lm_W"], "lm/W"),
-        ("opening", opening.shape, size),
-    ]
+def _text(document: dict[str, Any], file: Path) -> str:
+    """Return a table for people, of what the file tells."""
     lines = [f"{file}: {document['name']}"]
-    lines += [
-        f"  {label:16} {_short(value)} {unit}".rstrip()
-        for label, value, unit in rows
-        if value is not None
-    ]
+    for key, value in document.items():
+        if isinstance(value, (str, float)):
+            lines.append(f"  {key:29} {f'{value:.5g}' if isinstance(value, float) else value}")
+    opening = document["luminous_opening_m"]
+    size = f"{opening.along_c0:.4g} × {opening.along_c90:.4g} × {opening.height:.4g}"
+    lines.append(f"  {'luminous_opening_m':29} {opening.shape}, {size}")
     lines += [f"{f.severity}: {f.code}: {f.message}" for f in document["findings"]]
     return "\n".join(lines)
-
-
-def _other(angle: float | None) -> str:
-    return "° in C0–C180" + (f", {angle:.5g} ° in C90–C270" if angle is not None else "")
-
-
-def _short(value: object) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -85,7 +85,9 @@ def _table(light: Distribution) -> Generator[Note]:
 
 
 def _aim(light: Distribution) -> Generator[Note]:
-    off = float(np.degrees(np.arccos(np.clip(-light.peak_direction[2], -1, 1))))
+    i, j = np.unravel_index(int(light.intensity.argmax()), light.intensity.shape)
+    cosines = np.cos(np.radians([light.longitude[i], light.latitude[j]]))
+    off = float(np.degrees(np.arccos(cosines.prod())))
     if light.kind != "C" and off > AIM_DEG:
         text = f"the peak is {off:.3g}° off the axis that type {light.kind} aims"
         yield "peak-off-axis", "warning", text, None

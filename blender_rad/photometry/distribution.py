@@ -147,12 +147,6 @@ class Distribution:
         """The greatest intensity [cd] of the table."""
         return float(self.intensity.max())
 
-    @property
-    def peak_direction(self) -> Array:
-        """The unit vector (3,) of the greatest intensity, the first of several."""
-        i, j = np.unravel_index(int(self.intensity.argmax()), self.intensity.shape)
-        return grid_directions(self.kind, self.longitude[[i]], self.latitude[[j]])[0, 0]
-
     def cut(self, c_deg: float, gamma: Array) -> Array:
         """Return the intensity [cd] in the plane C at `gamma` (n,) [deg], negative for C + 180."""
         c, g = np.radians(c_deg), np.radians(gamma)
@@ -197,10 +191,3 @@ def _cells(knots: Array, values: Array) -> tuple[NDArray[np.intp], Array, NDArra
     part = (values - knots[cell]) / (knots[cell + 1] - knots[cell])
     inside = (values >= knots[0] - SLACK_DEG) & (values <= knots[-1] + SLACK_DEG)
     return cell, np.clip(part, 0.0, 1.0), inside
-
-
-def grid_directions(kind: Kind, longitude: Array, latitude: Array) -> Array:
-    """Return the unit vectors (m, n, 3) of a grid of angles (m,), (n,) [deg]."""
-    a, b = np.radians(longitude)[:, None], np.radians(latitude)[None, :]
-    local = np.stack(np.broadcast_arrays(np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)))
-    return np.einsum("kij,kd->ijd", local, AXES[kind])

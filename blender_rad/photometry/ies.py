@@ -22,42 +22,15 @@ STATED_FLUX = ("ABSOLUTELUMENS", "TOTALLUMINAIRELUMENS", "LUMINAIRELUMENS")
 RADIOMETRIC = re.compile(r"\bmW/sr\b|radiometric units", re.IGNORECASE)
 VERTICAL: dict[Kind, tuple[int, int]] = {"A": (-90, 90), "B": (-180, 180), "C": (0, 180)}
 HORIZONTAL: dict[Kind, tuple[int, int]] = {"A": (-180, 180), "B": (-90, 90), "C": (-360, 360)}
-HEADER = (
-    "number of lamps, lumens, multiplier, counts of angles, photometric type, units, width, "
-    "length, height; ballast factor, future use, input watts"
-)
+SIZES = "number of lamps, lumens, multiplier, counts of angles, type, units, width, length, height"
+POWERS = "ballast factor, future use, input watts"
 # Shapes by the signs of width, length, height. A zero beside a negative width is a circle's
 # diameter in files before 2002.
-BEFORE_2002 = {
-    (-1, 0, 0): "circular",
-    (-1, 0, -1): "sphere",
-    (-1, 0, 1): "vertical cylinder",
-    (0, 1, -1): "horizontal cylinder along C0",
-    (1, 0, -1): "horizontal cylinder along C90",
-    (-1, 1, 0): "ellipse",
-    (1, -1, 0): "ellipse",
-    (-1, 1, -1): "ellipsoid",
-    (1, -1, -1): "ellipsoid",
-}
-SINCE_2002 = {
-    (-1, 1, -1): "horizontal cylinder along C0",
-    (1, -1, -1): "horizontal cylinder along C90",
-    (-1, 0, -1): "vertical circle",
-    (0, -1, -1): "vertical circle",
-}
-ALWAYS = {
-    (0, 0, 0): "point",
-    (1, 1, 0): "rectangular",
-    (1, 1, 1): "box",
-    (-1, -1, 0): "circular",
-    (-1, -1, 1): "vertical cylinder",
-    (-1, -1, -1): "sphere",
-    (1, 0, 0): "line",
-    (0, 1, 0): "line",
-    (1, 0, 1): "vertical rectangle",
-    (0, 1, 1): "vertical rectangle",
-    (0, 0, 1): "line",
-}
+SHAPES = """000 point, ++0 rectangular, +++ box, --0 circular, --+ vertical cylinder, --- sphere,
++00 line, 0+0 line, 00+ line, +0+ vertical rectangle, 0++ vertical rectangle, -00 circular,
+-+- horizontal cylinder along C0, +-- horizontal cylinder along C90"""
+SHAPES_BEFORE_2002 = """-0- sphere, -0+ vertical cylinder, 0+- horizontal cylinder along C0,
++0- horizontal cylinder along C90, -+0 ellipse, +-0 ellipse, -+- ellipsoid, +-- ellipsoid"""
 
 
 def is_ies(reader: Reader) -> bool:
@@ -72,17 +45,15 @@ def parse_ies(reader: Reader, folder: Path | None = None) -> Distribution:
     labels = _labels(reader.lines[: tilt_line - 1])
     numbers = reader.tokens(tilt_line + 1)
     tilt = _tilt(reader, numbers, tilt_line, folder)
-    lamps, lumens, multiplier = numbers.take(3, HEADER)
+    lamps, lumens = numbers.take(2, SIZES)
+    multiplier = _factor(reader, numbers, SIZES, "multiplier")
     n_vertical = numbers.choice("the number of vertical angles", 2)
     n_horizontal = numbers.choice("the number of horizontal angles", 1)
     kind: Kind = ("C", "B", "A")[numbers.choice("photometric type 1 (C), 2 (B) or 3 (A)", 1, 3) - 1]
     metres = numbers.choice("units of length 1 (feet) or 2 (metres)", 1, 2) == 2
-    opening = _opening(reader, numbers.take(3, HEADER) * (1.0 if metres else FEET), year)
-    line = numbers.line
-    ballast, future, watts = numbers.take(3, HEADER)
-    for name, factor in (("multiplier", multiplier), ("ballast factor", ballast)):
-        if not factor > 0:
-            raise reader.refuse(f"a {name} of {factor:g}", line, f"expected above 0 in {HEADER}")
+    opening = _opening(reader, numbers.take(3, SIZES) * (1.0 if metres else FEET), year)
+    ballast = _factor(reader, numbers, POWERS, "ballast factor")
+    future, watts = numbers.take(2, POWERS)
     ballast *= _lamp_factor(reader, year, float(future), numbers.line)
     longitude, latitude, table, symmetry = _table(reader, numbers, kind, n_vertical, n_horizontal)
     radiometric = bool(RADIOMETRIC.search("\n".join(reader.lines[: tilt_line - 1])))
@@ -90,19 +61,20 @@ def parse_ies(reader: Reader, folder: Path | None = None) -> Distribution:
     if radiometric:
         message = "the table holds mW/sr, not cd; powers are given in W, and no lumens"
         reader.note("radiometric", "warning", message)
-    if lamps <= 0 and lumens >= 0:
-        reader.note("no-lamps", "warning", f"{lamps:g} lamps; taken as 1")
-        lamps = 1.0
+    lamp_flux = float(lamps * lumens * ballast) if lumens >= 0 and not radiometric else None
+    if lamp_flux is not None and lamp_flux <= 0:
+        reader.note("no-lamps", "warning", f"{lamps:g} lamps of {lumens:g} lm: taken as not known")
+        lamp_flux = None
     return Distribution(
         name=_name(labels, reader),
         format=f"LM-63-{year}",
         kind=kind,
         longitude=longitude,
         latitude=latitude,
-        intensity=light_of(reader, table, float(multiplier * ballast) * unit, numbers.line),
+        intensity=light_of(reader, table, multiplier * ballast * unit, numbers.line),
         symmetry=symmetry,
         opening=opening,
-        lamp_flux=None if lumens < 0 or radiometric else float(lamps * lumens * ballast),
+        lamp_flux=lamp_flux,
         declared_flux=_stated_flux(labels, unit) if lumens < 0 else None,
         input_power=float(watts) if watts > 0 else None,
         radiometric=radiometric,
@@ -142,6 +114,13 @@ def _stated_flux(labels: Mapping[str, str], unit: float) -> float | None:
         if match and 0 < float(match[0]) < np.inf:
             return float(match[0]) * unit
     return None
+
+
+def _factor(reader: Reader, numbers: Numbers, record: str, name: str) -> float:
+    value = numbers.one(record)
+    if not value > 0:
+        raise reader.refuse(f"a {name} of {value:g}", numbers.line, f"expected above 0 in {record}")
+    return value
 
 
 def _lamp_factor(reader: Reader, year: int, future: float, line: int) -> float:
@@ -187,11 +166,9 @@ def _tilt(
 def _opening(reader: Reader, size: Array, year: int) -> Opening:
     """Return the opening of signed width, length, height [m]; the signs say its shape."""
     width, length, height = np.abs(size).tolist()
-    signs = (int(np.sign(size[0])), int(np.sign(size[1])), int(np.sign(size[2])))
-    shape = {**ALWAYS, **(SINCE_2002 if year >= 2002 else BEFORE_2002)}.get(signs)
-    if shape is None and signs == (-1, 0, 0):
-        shape = "circular"
-        reader.note("opening-shape", "info", "a circle in the manner of 1995, in a later file")
+    known = SHAPES + (f", {SHAPES_BEFORE_2002}" if year < 2002 else ", -0- vertical circle")
+    names: dict[str, str] = dict(re.findall(r"([-+0]{3}) ([^,]+)", known))
+    shape = names.get("".join("0+-"[int(sign)] for sign in np.sign(size)))
     if shape is None:
         shape = "rectangular" if height == 0 else "box"
         message = f"no shape has the signs of {size.tolist()} m; taken as {shape}"

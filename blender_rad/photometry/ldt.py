@@ -100,12 +100,12 @@ def _whole(reader: Reader, line: int, what: str, low: int, high: int) -> int:
 
 def _lenient(reader: Reader, line: int) -> float:
     """Return the number that a line starts with, 0 without: for what does not change the light."""
-    match = NUMBER.match(reader.lines[line - 1].replace(",", "."))
-    value = float(match[0]) if match else 0.0
-    if not match and reader.lines[line - 1]:
-        text = reader.lines[line - 1][:30]
-        reader.note("not-a-number", "info", f"{text!r} in line {line} is no number; left out")
-    return value if np.isfinite(value) else 0.0
+    text = reader.lines[line - 1] if line <= len(reader.lines) else ""
+    match = NUMBER.match(text.replace(",", "."))
+    if text and not match:
+        message = f"{text[:30]!r} in line {line} is no number; left out"
+        reader.note("not-a-number", "info", message)
+    return reader.number(match[0], line, "a number") if match else 0.0
 
 
 def _lamp_set(reader: Reader, line: int) -> LampSet:
@@ -117,8 +117,7 @@ def _lamp_set(reader: Reader, line: int) -> LampSet:
     if count == 0:
         reader.note("no-lamps", "warning", f"no lamps in line {line}; the flux of the set counts")
     name = f"{abs(count):g} × {reader.lines[line]}"
-    power = _lenient(reader, line + 5) if len(reader.lines) >= line + 5 else 0.0
-    return LampSet(count < 0, name, flux, power)
+    return LampSet(count < 0, name, flux, _lenient(reader, line + 5))
 
 
 def _conversion(reader: Reader) -> float:

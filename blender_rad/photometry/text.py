@@ -14,6 +14,7 @@ from ..errors import Finding, RadError, Severity
 Array = NDArray[np.float64]
 
 SIZE_LIMIT = 64 << 20  # bytes; the largest real files have a hundredth of it
+TINY = 1e-30  # no quantity here is smaller, or its inverse greater
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NOT_TEXT = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
 
@@ -62,11 +63,11 @@ class Reader:
         return RadError(what, f"{self.name}, line {line}", expected)
 
     def number(self, text: str, line: int, what: str) -> float:
-        """Return the finite number that `text` is."""
+        """Return the number of sane size that `text` is."""
         value = float(text) if NUMBER.fullmatch(text) else np.nan
-        if not np.isfinite(value):
-            raise self.refuse(f"{text[:30]!r} is not a number", line, f"expected {what}")
-        return value
+        if not abs(value) < 1 / TINY:
+            raise self.refuse(f"{text[:30]!r} is not a usable number", line, f"expected {what}")
+        return value if abs(value) > TINY else 0.0
 
     def tokens(self, first: int, last: int | None = None, decimal_comma: bool = False) -> Numbers:
         """Return what stands in lines `first` to `last` (from 1), apart by blanks.

@@ -1,0 +1,487 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Photometric files: real ones, hand-made ones whose light is known, and hostile ones."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blender_rad import cli
+from blender_rad.errors import RadError
+from blender_rad.photometry import Distribution, parse_photometry, read_photometry
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+FILES = sorted([*DATA.glob("ies/*.[iI][eE][sS]"), *DATA.glob("ldt/*")])
+needs_files = pytest.mark.skipif(not FILES, reason="needs the real files, which are not ours")
+# The one file that is not valid: it lacks the record of ballast factor and watts.
+REFUSED = {"luxera__tilt_file_variant.ies": "line 9"}
+
+GRID = {
+    "C": (np.linspace(0, 180, 37), np.linspace(0, 360, 25)),
+    "B": (np.linspace(-180, 180, 73), np.linspace(-90, 90, 73)),
+    "A": (np.linspace(-90, 90, 73), np.linspace(-180, 180, 73)),
+}
+PEAK = 1000.0
+COARSE = 8e-3  # steps of 15°: h²/8 of the part that turns, over the least intensity
+
+
+def towards(kind: str, vertical: np.ndarray, horizontal: np.ndarray) -> np.ndarray:
+    """Return unit vectors (n_horizontal, n_vertical, 3): x is C0 or up, −y is right, −z is aim."""
+    h, v = np.radians(np.meshgrid(horizontal, vertical, indexing="ij"))
+    if kind == "C":
+        parts = np.sin(v) * np.cos(h), np.sin(v) * np.sin(h), -np.cos(v)
+    elif kind == "B":
+        parts = np.cos(h) * np.sin(v), -np.sin(h), -np.cos(h) * np.cos(v)
+    else:
+        parts = np.sin(v), -np.cos(v) * np.sin(h), -np.cos(v) * np.cos(h)
+    return np.stack(parts, axis=-1)
+
+
+def smooth(d: np.ndarray) -> np.ndarray:
+    """Return an intensity without any symmetry; its flux is 4π · PEAK."""
+    return PEAK * (1 + 0.3 * d[..., 0] + 0.2 * d[..., 1] - 0.4 * d[..., 2])
+
+
+def lambertian(d: np.ndarray) -> np.ndarray:
+    return PEAK * np.maximum(-d[..., 2], 0.0)
+
+
+def ies(
+    intensity: Any = smooth, kind: str = "C", grid: Any = None, *, first: str = "IESNA:LM-63-2002",
+    lamps: str = "1 -1", factors: str = "1 1 50", size: str = "0.1 0.2 0", tilt: str = "TILT=NONE",
+) -> str:  # fmt: skip
+    vertical, horizontal = GRID[kind] if grid is None else map(np.asarray, grid)
+    table = intensity(towards(kind, vertical, horizontal))
+    counts = f"{len(vertical)} {len(horizontal)} {'CBA'.index(kind) + 1} 2"
+    rows = [first, "[LUMINAIRE] hand-made", tilt, f"{lamps} 1 {counts} {size}", factors]
+    rows += [" ".join(map(str, row)) for row in (vertical, horizontal, *table)]
+    return "\n".join(rows) + "\n"
+
+
+def ldt(symmetry: int = 0, planes: Any = None, **changes: str) -> str:
+    """Return a file of 1000 lm with `smooth` (less what breaks `symmetry`); changes by line."""
+    planes = np.arange(0, 360, 15) if planes is None else planes
+    gamma = np.linspace(0, 180, 37)
+    first, last = {0: (0, 359), 1: (0, 0), 2: (0, 180), 3: (-90, 90), 4: (0, 90)}[symmetry]
+    turned = np.sort(np.where(planes > last, planes - 360, planes))
+    kept = turned[(turned >= first) & (turned <= last)] if symmetry else planes
+    table = even(symmetry)(towards("C", gamma, kept))
+    header = ["maker", "1", symmetry, len(planes), 15, 37, 5, "report", "lamp", "1", "f", "day"]
+    header += [300, 0, 50, 100, 50, 0, 0, 0, 0, 50, 100, 1, 0, 1, 1, "LED", 1000, "", "", 20]
+    lines = [str(value) for value in [*header, *[0] * 10, *planes, *gamma, *table.ravel()]]
+    for line, text in changes.items():
+        lines[int(line[1:]) - 1] = text
+    return "\n".join(lines)
+
+
+def even(symmetry: int) -> Any:
+    """Return `smooth` without the parts that a symmetry indicator excludes."""
+    keep = np.array([symmetry not in (1, 3, 4), symmetry not in (1, 2, 4), True])
+    # Isym 2: C0–C180 is the mirror, y is even; Isym 3: C90–C270 is, x is even.
+    return lambda d: smooth(d * keep)
+
+
+def parse(text: str | bytes, name: str = "a.ies", **options: Any) -> Distribution:
+    return parse_photometry(text.encode() if isinstance(text, str) else text, name, **options)
+
+
+def codes(light: Distribution, *severities: str) -> set[str]:
+    return {f.code for f in light.findings if not severities or f.severity in severities}
+
+
+@pytest.fixture
+def directions(rng: np.random.Generator) -> np.ndarray:
+    vectors = rng.normal(size=(500, 3))
+    return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+# Real files
+
+
+@needs_files
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_real_files_are_read_or_refused_with_line_and_reason(path: Path) -> None:
+    if path.name in REFUSED:
+        with pytest.raises(RadError, match=f"{REFUSED[path.name]}, expected"):
+            read_photometry(path)
+        return
+    light = read_photometry(path)
+    assert 0 < light.luminous_flux() < 1e5
+    assert light.interpolated_flux() == pytest.approx(light.luminous_flux(), rel=0.06)
+    assert 5 < (light.beam_angle_deg(0) or 0) <= (light.beam_angle_deg(0, 0.1) or 0) <= 360
+
+
+@needs_files
+def test_fluxes_are_those_of_independent_sums() -> None:
+    rows = re.findall(r"^\| (\S+\.(?:ies|IES)) \|(.*)", (DATA / "README.md").read_text(), re.M)
+    stated = {name: cells.split("|")[7].strip() for name, cells in rows}
+    stated = {name: float(flux) for name, flux in stated.items() if flux != "-"}
+    assert len(stated) > 25
+    for name, flux in stated.items():
+        light = read_photometry(DATA / "ies" / name)
+        unit = 1e3 if light.radiometric else 1.0
+        assert light.luminous_flux() * unit == pytest.approx(flux, rel=1e-5), name
+
+
+@needs_files
+def test_fluxes_are_those_of_photometric_toolbox() -> None:
+    with (DATA / "reference" / "photometric_toolbox_lumens.csv").open() as table:
+        for row in csv.DictReader(table):
+            flux = read_photometry(DATA / "ies" / row["file"]).luminous_flux()
+            assert flux == pytest.approx(float(row["photometric_toolbox_lm"]), abs=0.01)
+
+
+@needs_files
+def test_type_b_flood_holds_what_it_states() -> None:
+    light = read_photometry(DATA / "ies" / "CU__flood_2.1.IES")
+    assert light.luminous_flux() == pytest.approx(10680, abs=1)
+    assert light.declared_flux == 10601
+    assert not codes(light)
+
+
+@needs_files
+def test_ies_and_ldt_of_one_luminaire_agree(directions: np.ndarray) -> None:
+    one = read_photometry(DATA / "ies" / "luxpy__luxpy_test_lid_file.ies")
+    other = read_photometry(DATA / "ldt" / "luxpy__luxpy_test_lid_file.ldt")
+    a, b = one.luminous_intensity(directions), other.luminous_intensity(directions)
+    np.testing.assert_allclose(a, b, atol=0.04)  # two decimals of cd/klm, 6 klm
+    assert one.opening == other.opening
+
+
+@needs_files
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        ("ies/guv-calcs__B1_module.ies", "flux-mismatch"),
+        ("ies/luxpy__luxpy_test_lid_file2t.ies", "more-than-lamps"),
+        ("ies/photompy__type_a_symmetric.ies", "efficacy"),
+        ("ldt/photometric-viewer__symmetry_to_c0c180.ldt", "flux-mismatch"),
+    ],
+)
+def test_real_files_that_lie_are_found_out(name: str, code: str) -> None:
+    assert codes(read_photometry(DATA / name), "error") == {code}
+
+
+# Light that is known
+
+
+@pytest.mark.parametrize("kind", "ABC")
+def test_every_type_gives_the_light_it_was_made_from(kind: str, directions: np.ndarray) -> None:
+    light = parse(ies(smooth, kind))
+    expected = smooth(directions)
+    np.testing.assert_allclose(light.luminous_intensity(3 * directions), expected, rtol=COARSE)
+    assert light.luminous_flux() == pytest.approx(4 * np.pi * PEAK, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", "ABC")
+def test_lambertian_fluxes_and_angles(kind: str) -> None:
+    light = parse(ies(lambertian, kind))
+    assert light.luminous_flux() == pytest.approx(np.pi * PEAK, rel=4e-3)
+    for c in (0, 90, 30):
+        assert light.beam_angle_deg(c) == pytest.approx(120, abs=0.2)
+        assert light.beam_angle_deg(c, 0.1) == pytest.approx(168.52, abs=0.2)
+
+
+@pytest.mark.parametrize("kind", "ABC")
+def test_interpolated_flux_is_that_of_the_interpolated_intensity(kind: str) -> None:
+    light = parse(ies(lambda d: PEAK * np.maximum(-d[..., 2], 0) ** 20, kind))
+    z = (np.arange(400) + 0.5) / 200 - 1
+    phi = np.radians(np.arange(0, 360, 1.0) + 0.5)
+    across = np.sqrt(1 - z**2)[:, None]
+    parts = across * np.cos(phi), across * np.sin(phi), z[:, None]
+    sphere = np.stack(np.broadcast_arrays(*parts), axis=-1).reshape(-1, 3)
+    quadrature = 4 * np.pi * light.luminous_intensity(sphere).mean()
+    assert light.interpolated_flux() == pytest.approx(quadrature, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("intensity", "angle"),
+    [
+        (lambda d: PEAK * np.ones(d.shape[:-1]), 360),
+        (lambda d: PEAK * np.maximum(d[..., 2], 0), 120),  # up
+        (lambda d: PEAK * np.where(d[..., 2] < -0.1, d[..., 0] ** 2, 0), 80 * 2),  # a batwing
+        (lambda d: PEAK * np.where((d[..., 2] < -0.7) & (d[..., 0] > 0.3), 1.0, 0), 25),  # a side
+    ],
+)
+def test_beam_angles(intensity: Any, angle: float) -> None:
+    light = parse(ies(intensity, "C", (np.arange(0, 181, 5), np.arange(0, 361, 15))))
+    assert light.beam_angle_deg(0) == pytest.approx(angle, abs=6)
+
+
+@pytest.mark.parametrize(
+    ("span", "symmetry", "flips"),
+    [
+        ((0, 0), "axial", (-1, -1)),
+        ((0, 90), "C0-C180 and C90-C270", (-1, -1)),
+        ((0, 180), "C0-C180", (1, -1)),
+        ((90, 270), "C90-C270", (-1, 1)),
+        ((-90, 90), "C90-C270", (-1, 1)),
+        ((-180, 180), "none", (1, 1)),
+        ((0, 345), "none", (1, 1)),
+    ],
+)
+def test_planes_are_unfolded(
+    span: tuple[int, int], symmetry: str, flips: tuple[int, int], directions: np.ndarray
+) -> None:
+    keep = np.array([flips[0] > 0, flips[1] > 0, True])
+    planes = np.arange(span[0], span[1] + 1, 15)
+    light = parse(ies(lambda d: smooth(d * keep), "C", (GRID["C"][0], planes)))
+    assert light.symmetry == symmetry
+    expected = smooth(directions * keep)
+    np.testing.assert_allclose(light.luminous_intensity(directions), expected, rtol=COARSE)
+    assert codes(light) == ({"planes-not-closed"} if span == (0, 345) else set())
+
+
+@pytest.mark.parametrize("kind", "AB")
+def test_half_tables_hold_for_both_sides(kind: str, directions: np.ndarray) -> None:
+    half = np.linspace(0, 90, 37)
+    light = parse(ies(lambertian, kind, (half, half)))
+    assert light.symmetry == "left-right and up-down"
+    np.testing.assert_allclose(
+        light.luminous_intensity(directions), lambertian(directions), atol=3e-3 * PEAK
+    )
+
+
+@pytest.mark.parametrize(
+    ("first", "factor"),
+    [
+        ("A report of 1986", 0.81),
+        ("IESNA91", 0.81),
+        ("IESNA:LM-63-1991", 0.81),
+        (" IESNA:LM-63-1995", 0.81),
+        ("IESNA:LM-63-2002", 0.9),
+        ("IES:LM-63-2019", 0.9),
+    ],
+)
+def test_editions_and_what_their_field_12_multiplies(first: str, factor: float) -> None:
+    light = parse(ies(first=first, factors="0.9 0.9 50"))
+    assert light.format[-2:] in first
+    assert light.luminous_flux() == pytest.approx(factor * 4 * np.pi * PEAK, rel=1e-3)
+    assert ("future-use" in codes(light)) == first.endswith("2002")
+
+
+def test_feet_are_metres_and_signs_are_shapes() -> None:
+    feet = ies(size="-1 -1 0").replace(" 1 2 -1 -1 0", " 1 1 -1 -1 0")
+    opening = parse(feet).opening
+    assert (opening.shape, opening.along_c0, opening.along_c90) == ("circular", 0.3048, 0.3048)
+    old = parse(ies(first="IESNA:LM-63-1995", size="0.1 -0.2 -0.3")).opening
+    assert (old.shape, old.along_c0, old.along_c90, old.height) == ("ellipsoid", 0.2, 0.1, 0.3)
+    assert parse(ies(size="0.1 -0.2 -0.3")).opening.shape == "horizontal cylinder along C90"
+    assert "opening-shape" in codes(parse(ies(size="-0.1 0 0.4")))
+
+
+def test_tilt_here_and_beside_the_file(tmp_path: Path) -> None:
+    expected = ((0.0, 1.0), (15.0, 0.9))
+    assert parse(ies(tilt="TILT=INCLUDE\n1\n2\n0 15\n1 0.9")).tilt == expected
+    (tmp_path / "lamp.tlt").write_text("1 2\n0 15 1 0.9")
+    (tmp_path / "a.ies").write_text(ies(tilt=r"TILT=..\lamp.tlt"))
+    light = read_photometry(tmp_path / "a.ies")
+    assert light.tilt == expected
+    assert light.luminous_flux() == pytest.approx(4 * np.pi * PEAK, rel=1e-3)
+    missing = parse(ies(tilt="TILT=other.tlt"), folder=tmp_path)
+    assert (missing.tilt, codes(missing)) == ((), {"tilt-file-missing"})
+
+
+@pytest.mark.parametrize("symmetry", range(5))
+def test_ldt_symmetries(symmetry: int, directions: np.ndarray) -> None:
+    uneven = np.array([0, 20, 45, 90, 100, 170, 180, 200, 270, 300, 340])
+    for planes, rtol in ((None, COARSE), (uneven, 0.2)):
+        light = parse(ldt(symmetry, planes), "a.ldt")
+        expected = even(symmetry)(directions)
+        np.testing.assert_allclose(light.luminous_intensity(directions), expected, rtol=rtol)
+
+
+def test_ldt_units_and_lamps() -> None:
+    light = parse(ldt(l24="1,5", l16="600 mm", l23="0", l22=""), "a.ldt")
+    assert light.luminous_flux() == pytest.approx(1.5 * 4 * np.pi * PEAK, rel=1e-3)
+    assert (light.opening.along_c0, light.opening.along_c90) == (0.05, 0.6)
+    assert (light.lamp_flux, light.input_power) == (1000, 20)
+    absolute = parse(ldt(l27="-1", l24=""), "a.ldt")
+    assert (absolute.lamp_flux, absolute.declared_flux) == (None, 1000)
+    lines = ldt(l26="2").split("\n")
+    two = "\n".join([*lines[:32], "-2", "other", "500", "", "", "9", *lines[32:]])
+    other = parse("\r\r\n".join(two.split("\n")) + "\r\r\n\r\r\n\x1a", "a.ldt", lamp_set=2)
+    assert other.luminous_flux() == pytest.approx(0.5 * 4 * np.pi * PEAK, rel=1e-3)
+    assert other.input_power == 9
+    with pytest.raises(RadError, match=r"no lamp set 3, a\.ldt, line 26"):
+        parse(two, "a.ldt", lamp_set=3)
+
+
+# What makers write
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("\n", "\r").encode(),
+        lambda text: ("\ufeff" + text.replace("\n", "\r\n")).encode(),
+        lambda text: text.encode("utf-16"),
+        lambda text: text.replace("hand-made", "30°\x85").encode("latin-1"),
+        lambda text: re.sub(r"(?<=\d) (?=\d)", "\n", text).encode(),
+        lambda text: text.replace(" ", ", ").replace("[LUMINAIRE],", "[LUMINAIRE]").encode(),
+        lambda text: (
+            "\n" + text.replace("TILT=NONE", "  tilt = none ") + "\n\nEND\n\x1a"
+        ).encode(),
+    ],
+)
+def test_spellings_do_not_change_the_light(change: Any) -> None:
+    light = parse(change(ies()))
+    assert light.format == "LM-63-2002"
+    np.testing.assert_array_equal(light.intensity, parse(ies()).intensity)
+    assert not codes(light, "error", "warning")
+
+
+@pytest.mark.parametrize(
+    ("text", "severity", "code"),
+    [
+        (ies(lambda d: 0 * d[..., 0]), "error", "dark"),
+        (ies(lambda d: PEAK * d[..., 0]), "error", "negative-intensity"),
+        (ies(lambda d: smooth(d) - 465), "warning", "negative-intensity"),
+        (ies(lamps="1 5000"), "error", "more-than-lamps"),
+        (ies(lamps="3 5000"), None, None),
+        (ies(lamps="0 13000"), "warning", "no-lamps"),
+        (ies(first="IES:LM-63-2030"), "warning", "unknown-edition"),
+        (ies(factors="1 1 0"), "warning", "no-power"),
+        (ies(factors="1 1 1"), "error", "efficacy"),
+        (ies(size="30 1 0"), "warning", "opening-size"),
+        (ies(grid=(np.arange(0, 171, 10), [0])), "warning", "table-cut"),
+        (ies(grid=([0, 90, 60, 30, 180], [0])), "error", "angles-not-rising"),
+        (ies(grid=([0, 60, 60, 120, 180], [0])), "warning", "angle-twice"),
+        (ies(lambda d: smooth(d[..., [2, 0, 1]]), "B", [[-90, -1, 90]] * 2), None, None),
+        (ies(lambda d: PEAK * np.maximum(d[..., 0], 0) ** 9, "A"), "warning", "peak-off-axis"),
+        (re.sub(r"\n\S+(?=[^\n]*\n$)", "\n0", ies()), "warning", "pole-differs"),
+        (ies(lambda d: (-d[..., 2]).clip(0) ** 200, grid=GRID["C"]), "warning", "coarse-angles"),
+        (ies() + "5 6 7\n", "warning", "trailing-values"),
+        (ies().replace("[LUM", "[_TOTALLUMINAIRELUMENS] 12000\n[LUM"), "warning", "flux-mismatch"),
+        (ies().replace("[LUM", "[_ABSOLUTELUMENS] 6000\n[LUM"), "error", "flux-mismatch"),
+        (ies().replace("hand-made", "Candela-> mW/sr"), "warning", "radiometric"),
+        (ldt(l22="80"), "warning", "downward-fraction"),
+        (ldt(l24="0"), "warning", "conversion-factor"),
+        (ldt(l23="50"), "error", "flux-mismatch"),
+        (ldt(l25="15"), "info", "tilted-measurement"),
+        ("\n\n" + ldt(), "info", "blank-lines"),
+    ],
+)  # fmt: skip
+def test_files_that_lie_are_findings(text: str, severity: str | None, code: str | None) -> None:
+    found = {(f.severity, f.code) for f in parse(text, "a").findings}
+    assert (severity, code) in found if code else not {s for s, _ in found} & {"error"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"\x89PNG\r\n\x1a\n\0\0\0", "not a text file, a, line 3, expected an IES or LDT file"),
+        (b"", "the file ends, a, line 1, expected at least the 32 lines"),
+        (ies().replace("37 25", "37.5 25"), "37.5 is not allowed, a, line 4, expected the number"),
+        (ies().replace("37 25", "37 -25"), "-25 is not allowed, a, line 4"),
+        (ies().replace("37 25", "999999999999 999"), "1000000000000 of|of 999999999999 numbers"),
+        (ies().replace("37 25", "37 26"), "the data ends after .* of .* numbers, a, line 32"),
+        (ies().replace("1 1 50", "nan 1 50"), "'nan' is not a usable number, a, line 5"),
+        (ies().replace("1 1 50", "1e999 1 50"), "'1e999' is not a usable number"),
+        (ies().replace("1 1 50", "1e19 1 50"), r"an intensity of .* expected less than 1e\+12 cd"),
+        (ies().replace("1 -1 1 ", "1 -1 0 "), "a multiplier of 0, a, line 4"),
+        (ies(grid=([0, 90, 190], [0])), "an angle of 190°, a, line 6, expected 0° to 180°"),
+        (ies(grid=([0, 90], [0, 30, 60])), "C planes from 0° to 60°, a, line 6"),
+        (ies(kind="B", grid=([0, 90], [0])), "one horizontal angle, a, line 6"),
+        (ies(grid=([90, 90], [0])), "one vertical angle, a, line 6"),
+        (ies(factors="0 1 50"), "a ballast factor of 0, a, line 5"),
+        (ies(tilt="TILT=INCLUDE\n1\n99999999\n0 15"), "the data ends after"),
+        (ldt(l3="7"), "7 is not allowed, a, line 3, expected the symmetry indicator 0 to 4"),
+        (ldt(l29="0"), "a lamp flux of 0, a, line 29"),
+        (ldt(l24="-1"), "a conversion factor of -1, a, line 24"),
+        (ldt(l45="45", l3="4", l46="x"), "'x' is not a usable number, a, line 46, expected 24 C planes"),
+        (ldt(2).replace("\n180\n", "\n181\n"), "planes are missing"),
+        (ldt().rpartition("\n")[0], "the data ends after 887 of 888 numbers"),
+    ],
+)  # fmt: skip
+def test_refusals_name_line_and_reason(text: str | bytes, message: str) -> None:
+    with pytest.raises(RadError, match=message):
+        parse(text, "a")
+
+
+IES_TEXT = ies(grid=([0, 45, 90, 180], [0, 90]), tilt="TILT=INCLUDE\n1 2 0 15 1 .9").encode()
+LDT_TEXT = ldt(4, np.array([0, 90, 180, 270])).encode()
+PIECES = [
+    b"",
+    b"-1",
+    b"0",
+    b"1e308",
+    b"nan",
+    b"1e-320",
+    b"\n",
+    b" ",
+    b"\xff",
+    b",",
+    b"9" * 400,
+    b"TILT=",
+]
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from([IES_TEXT, LDT_TEXT]),
+    st.lists(
+        st.tuples(
+            st.integers(0, 10**4),
+            st.integers(0, 30),
+            st.sampled_from(PIECES) | st.binary(max_size=4),
+        ),
+        max_size=4,
+    ),
+)
+def test_broken_files_raise_nothing_but_our_error(text: bytes, cuts: list[Any]) -> None:
+    for place, length, piece in cuts:
+        at = place % (len(text) + 1)
+        text = text[:at] + piece + text[at + length :]
+    try:
+        light = parse(text)
+    except RadError as error:
+        assert "line" in error.where
+        return
+    assert np.isfinite(light.luminous_intensity(np.eye(3))).all()
+    assert np.isfinite([light.luminous_flux(), light.interpolated_flux()]).all()
+
+
+# The verb
+
+
+def run(capsys: pytest.CaptureFixture[str], *argv: str) -> tuple[int, Any]:
+    code = cli.run(["photometry", *argv, "--json"])
+    out = capsys.readouterr().out
+    return code, json.loads(out) if out else None
+
+
+def test_the_verb_and_its_plots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.ies"
+    path.write_text(ies(lambertian, lamps="2 1600"))
+    for suffix, magic in ((".png", b"\x89PNG"), (".svg", b"<?xml")):
+        plot = tmp_path / f"a{suffix}"
+        code, document = run(capsys, str(path), "--plot", str(plot), "--unit", "cd/klm")
+        assert (code, document["plot"]) == (0, str(plot))
+        assert plot.read_bytes().startswith(magic)
+    assert document["luminous_flux_declared_lm"] == 3200
+    assert document["luminous_flux_integrated_lm"] == pytest.approx(np.pi * PEAK, rel=4e-3)
+    assert document["peak_luminous_intensity_cd"] == PEAK
+    assert document["efficacy_lm_W"] == pytest.approx(np.pi * PEAK / 50, rel=4e-3)
+    assert document["luminous_opening_m"]["along_c0"] == 0.2
+
+
+def test_the_verb_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.ies"
+    path.write_text(ies(factors="1 1 1"))
+    code, document = run(capsys, str(path))
+    assert (code, [f["code"] for f in document["findings"]]) == (1, ["efficacy"])
+    path.write_text(ies().replace("hand-made", "Candela-> mW/sr"))
+    code, document = run(capsys, str(path))
+    assert (code, document["luminous_flux_integrated_lm"]) == (0, None)
+    assert document["radiant_flux_integrated_W"] == pytest.approx(4 * np.pi, rel=1e-3)
+    assert run(capsys, str(path), "--plot", str(tmp_path / "a.gif")) == (2, None)
+    assert run(capsys, str(tmp_path)) == (2, None)
