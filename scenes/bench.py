@@ -80,6 +80,7 @@ def build() -> None:
     """Build the scene."""
     scene = kit.empty()
     scene.render.resolution_x, scene.render.resolution_y = 640, 480
+    scene.render.resolution_percentage = 100
     terrain()
     tori()
     kit.light("Area", 'AREA', kit.aim((-3, -3, 5), (0, 0, 0)), 300, size=1.5)
