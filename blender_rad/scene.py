@@ -8,7 +8,7 @@ Nothing here knows of Blender; everything can be pickled.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -191,12 +191,3 @@ class Scene:
     unknown_lights: tuple[tuple[str, NDArray[np.float64] | None], ...] = ()
     unsupported: tuple[Unsupported, ...] = ()
     findings: tuple[Finding, ...] = ()
-
-    def with_resolution(self, width: int, height: int) -> Scene:
-        """Return the same view with other pixels; a border is scaled with it."""
-        border = self.border
-        if border is not None:
-            sx, sy = width / self.resolution[0], height / self.resolution[1]
-            x0, y0, x1, y1 = border
-            border = (round(x0 * sx), round(y0 * sy), round(x1 * sx), round(y1 * sy))
-        return replace(self, resolution=(width, height), border=border)

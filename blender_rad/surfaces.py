@@ -236,7 +236,7 @@ def _lifted(facing: Floats, towards: Floats, cutoff: Floats) -> tuple[Ints, Floa
     """
     flip = np.where(facing < 0.0, -1.0, 1.0)
     facing, below = np.abs(facing), towards * flip
-    near = np.flatnonzero(np.minimum(facing, below) < cutoff)
+    near = np.flatnonzero((np.minimum(facing, below) < cutoff) & (cutoff > 0.0))
     facing, below, cutoff = facing.take(near), below.take(near), cutoff.take(near)
     amount = np.where(facing < cutoff, 2.0 - (below + facing) / cutoff, 1.0 - below / cutoff)
     some = np.flatnonzero(amount > 0.0)

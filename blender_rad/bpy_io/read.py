@@ -59,7 +59,7 @@ def read_scene(
     bl_scene : bpy.types.Scene; nothing in it is changed.
     shading : ``full`` keeps the materials, ``clay`` makes all that reflects Lambert 0.8.
     model : what the lights' numbers mean.
-    resolution : (width, height) in pixels in place of the scene's own; a border is scaled.
+    resolution : (width, height) in pixels in place of the scene's own.
     """
     layer = next((layer for layer in bl_scene.view_layers if layer.use), bl_scene.view_layers[0])
 
@@ -83,12 +83,12 @@ def read_depsgraph(
     unit_scale_m = unit_scale(bl_scene)
     reader = Reader(depsgraph, shading, model, unit_scale_m)
     reader.read()
-    size = frame_size(render)
-    camera = bl_scene.camera and read_camera(bl_scene.camera, render, resolution or size)
+    size = resolution or frame_size(render)
+    camera = bl_scene.camera and read_camera(bl_scene.camera, render, size)
     world = read_world(layer.world_override or bl_scene.world, shown=layer.use_sky)
     file = bpy.data.filepath or bl_scene.original.get(SOURCE_KEY, "")
     space = working_space()
-    scene = Scene(
+    return Scene(
         file=file,
         sha256=_sha256(file),
         frame=bl_scene.frame_current,
@@ -117,7 +117,6 @@ def read_depsgraph(
         ),
         findings=(*file_findings(), *_motion_blur(render), *reader.findings),
     )
-    return scene.with_resolution(*resolution) if resolution else scene
 
 
 def unit_scale(bl_scene: Any) -> float:

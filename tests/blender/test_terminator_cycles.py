@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles' shadow terminator offsets on coarse smooth meshes, against ours, tile by tile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+from blender_rad.rendering import Settings, render  # noqa: E402
+
+from .agreement import Sides, both_sides, lamp, look_at  # noqa: E402
+from .reading import add, empty_scene, material, sphere  # noqa: E402
+
+TOLERANCE = 0.005
+LIGHTS: dict[str, dict[str, Any]] = {
+    "point": {"kind": 'POINT', "shadow_soft_size": 0.0},
+    "area": {"kind": 'AREA', "size": 1.0},
+    "sun": {"kind": 'SUN', "angle": 0.02},
+}
+
+
+def round_mesh() -> Any:
+    return sphere("Sphere", 16, 8)
+
+
+def icosphere_with_custom_normals() -> Any:
+    import bmesh
+
+    mesh = bpy.data.meshes.new("Ico")
+    built = bmesh.new()
+    bmesh.ops.create_icosphere(built, subdivisions=2, radius=1.0)
+    built.to_mesh(mesh)
+    built.free()
+    mesh.shade_smooth()
+    normals = np.array([tuple(v.normal) for v in mesh.vertices])
+    normals += 0.15 * np.random.default_rng(5).normal(size=normals.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    mesh.normals_split_custom_set_from_vertices(normals.tolist())
+    mesh.materials.append(material("Ico", "ShaderNodeBsdfDiffuse"))
+    return mesh
+
+
+BODIES: dict[str, tuple[Callable[[], Any], dict[str, Any]]] = {
+    "offset-0": (round_mesh, {"shadow_terminator_geometry_offset": 0.0}),
+    "offset-0.1": (round_mesh, {"shadow_terminator_geometry_offset": 0.1}),
+    "offset-1": (round_mesh, {"shadow_terminator_geometry_offset": 1.0}),
+    "shading-0.5": (round_mesh, {"shadow_terminator_shading_offset": 0.5}),
+    "both": (
+        round_mesh,
+        {"shadow_terminator_shading_offset": 0.3, "shadow_terminator_geometry_offset": 0.3},
+    ),
+    "mirrored": (round_mesh, {"scale": (-1.2, 0.9, 0.8)}),
+    "custom-normals": (icosphere_with_custom_normals, {}),
+}
+
+
+def lit_body(body: str, light: str) -> Sides:
+    empty_scene()
+    build, settings = BODIES[body]
+    add("Body", build(), **settings)
+    look_at((0, 0, 0), (0.5, -4, 0.6), lens=60)
+    lamp(location=(2.6, -1.8, 1.6), **LIGHTS[light])
+    return both_sides((32, 32), ours=256, seeds=4, samples=64)
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize("body", BODIES)
+def test_terminator_is_that_of_cycles(body: str, light: str) -> None:
+    sides = lit_body(body, light)
+    assert not sides.film.excluded.any()
+    off, error = sides.tiles()
+    assert error.max() < TOLERANCE / 2
+    assert (np.abs(off) < TOLERANCE + 3 * error).all()
+
+
+@pytest.mark.parametrize("body", ["offset-1", "shading-0.5"])
+def test_terminator_offsets_are_seen(body: str) -> None:
+    """The test above could not fail if the offsets changed nothing that it looks at."""
+    sides = lit_body(body, "point")
+    plain = tuple(
+        replace(i, terminator_geometry_offset=0.0, terminator_shading_offset=0.0)
+        for i in sides.scene.instances
+    )
+    film = render(replace(sides.scene, instances=plain), Settings(samples=256, threads=2))
+    off, error = replace(sides, film=film).tiles()
+    assert (np.abs(off) > TOLERANCE + 3 * error).any()
