@@ -25,8 +25,10 @@ def make_clay() -> None:
             _rebuild(bl_material, read_material(bl_material, "clay"))
     bare = bpy.data.materials.new(_NAME)
     _rebuild(bare, Material(_NAME, albedo=(CLAY_ALBEDO, CLAY_ALBEDO, CLAY_ALBEDO)))
+    tree = _cover_tree(bare)
     for bl_object in bpy.data.objects:
         _cover(bl_object, bare)
+        _cover_made(bl_object, tree)
 
 
 def _rebuild(bl_material: Any, clay: Material) -> None:
@@ -78,3 +80,26 @@ def _cover(bl_object: Any, bare: Any) -> None:
             slot.material = bare
         elif slot.material is None:
             materials[index] = bare
+
+
+def _cover_tree(bare: Any) -> Any:
+    """Return geometry nodes that put `bare` on all faces without a material, in instances too."""
+    tree = bpy.data.node_groups.new(_NAME, 'GeometryNodeTree')
+    for way in ('INPUT', 'OUTPUT'):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type='NodeSocketGeometry')
+    start, end = tree.nodes.new('NodeGroupInput'), tree.nodes.new('NodeGroupOutput')
+    without = tree.nodes.new('GeometryNodeMaterialSelection')
+    assign = tree.nodes.new('GeometryNodeSetMaterial')
+    assign.inputs["Material"].default_value = bare
+    tree.links.new(start.outputs[0], assign.inputs["Geometry"])
+    tree.links.new(without.outputs[0], assign.inputs["Selection"])
+    tree.links.new(assign.outputs[0], end.inputs[0])
+    return tree
+
+
+def _cover_made(bl_object: Any, tree: Any) -> None:
+    """Cover what the object's geometry nodes make, right after the last of them."""
+    made = [k for k, m in enumerate(bl_object.modifiers) if m.type == 'NODES' and m.show_render]
+    if made:
+        bl_object.modifiers.new(_NAME, 'NODES').node_group = tree
+        bl_object.modifiers.move(len(bl_object.modifiers) - 1, made[-1] + 1)

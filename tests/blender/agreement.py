@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from blender_rad.bpy_io.materials import Shading
 from blender_rad.bpy_io.read import read_scene
 from blender_rad.bpy_io.witness import CyclesWitness
 from blender_rad.film import Film
@@ -54,12 +55,17 @@ def pooled(picture: Array) -> Array:
 
 
 def both_sides(
-    size: tuple[int, int], *, ours: int = 128, seeds: int = 8, samples: int = 64
+    size: tuple[int, int],
+    *,
+    shading: Shading = "full",
+    ours: int = 128,
+    seeds: int = 8,
+    samples: int = 64,
 ) -> Sides:
-    """Render the open scene with both, full shading, with fixed samples a pixel."""
-    scene = read_scene(bpy.context.scene, resolution=size)
+    """Render the open scene with both, with fixed samples a pixel."""
+    scene = read_scene(bpy.context.scene, shading=shading, resolution=size)
     film = render(scene, Settings(samples=ours, threads=2))
-    witness = CyclesWitness(bpy.context.scene, resolution=size, threads=2)
+    witness = CyclesWitness(bpy.context.scene, resolution=size, shading=shading, threads=2)
     witness.prepare()
     return Sides(scene, film, np.stack([witness.render(s + 1, samples) for s in range(seeds)]))
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Feature by feature, our direct light against that of Cycles.
 
-Each case sets up the open scene; both render it, with every pixel compared. A stage is a floor with a box on it under a point light, seen from the front.
+Each case sets up the open scene; both render it, with every pixel compared. A stage is a floor with
+a box on it under a point light, seen from the front.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import pytest
 pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 
-from .agreement import both_sides, lamp, look_at  # noqa: E402
+from .agreement import Sides, both_sides, lamp, look_at  # noqa: E402
 from .reading import SQUARE, add, empty_scene, material, polygons  # noqa: E402
 
 SIZE = (48, 32)
@@ -212,10 +213,37 @@ CASES: dict[str, Callable[[], None]] = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_feature_is_that_of_cycles(name: str) -> None:
-    CASES[name]()
-    sides = both_sides(SIZE)
+def made_by_nodes() -> None:
+    """Bodies without a material that geometry nodes make: one of their own, others as instances."""
+    on_box()()
+    tree = bpy.data.node_groups.new("Make", 'GeometryNodeTree')
+    tree.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
+    ball, cube, line, copies, join, end = (
+        tree.nodes.new(kind)
+        for kind in (
+            'GeometryNodeMeshUVSphere',
+            'GeometryNodeMeshCube',
+            'GeometryNodeMeshLine',
+            'GeometryNodeInstanceOnPoints',
+            'GeometryNodeJoinGeometry',
+            'NodeGroupOutput',
+        )
+    )
+    ball.inputs["Radius"].default_value = 0.5
+    cube.inputs["Size"].default_value = (0.3, 0.3, 0.3)
+    line.inputs["Count"].default_value = 3
+    line.inputs["Start Location"].default_value = (0.8, -0.5, -0.3)
+    line.inputs["Offset"].default_value = (0.3, 0.3, 0.2)
+    tree.links.new(line.outputs[0], copies.inputs["Points"])
+    tree.links.new(cube.outputs[0], copies.inputs["Instance"])
+    tree.links.new(copies.outputs[0], join.inputs[0])
+    tree.links.new(ball.outputs[0], join.inputs[0])
+    tree.links.new(join.outputs[0], end.inputs[0])
+    host = add("Host", bpy.data.meshes.new("Host"), location=(-1, -0.4, 0.6))
+    host.modifiers.new("Make", 'NODES').node_group = tree
+
+
+def agrees(sides: Sides) -> None:
     assert not sides.film.excluded.any()
     off, error = sides.tiles()
     assert error.max() < NOISE_OF_TILES
@@ -224,3 +252,14 @@ def test_feature_is_that_of_cycles(name: str) -> None:
     assert error < NOISE_OF_ENERGY
     assert abs(whole) < ENERGY + 3 * error
     np.testing.assert_allclose(sides.film.alpha, sides.seeds[..., 3].mean(axis=0), atol=ALPHA)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_feature_is_that_of_cycles(name: str) -> None:
+    CASES[name]()
+    agrees(both_sides(SIZE))
+
+
+def test_what_geometry_nodes_make_turns_to_clay() -> None:
+    made_by_nodes()
+    agrees(both_sides(SIZE, shading="clay"))
