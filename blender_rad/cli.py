@@ -12,7 +12,8 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import fields
 from typing import Any, NoReturn
 
@@ -82,9 +83,18 @@ def _run(argv: Sequence[str]) -> int:
     given = vars(_verb_parser(verb, command_class).parse_args(argv[1:]))
     as_json, verbose = given.pop("json"), given.pop("verbose")
     logging.getLogger().setLevel(max(logging.DEBUG, logging.WARNING - 10 * verbose))
-    outcome = command_class(**given).run()
+    with _standard_output_for_chatter():
+        outcome = command_class(**given).run()
     _write((dumps(outcome.document) if as_json else outcome.text) + "\n")
     return outcome.code
+
+
+@contextmanager
+def _standard_output_for_chatter() -> Generator[None]:
+    """Let Python's standard output be descriptor 1 again: Blender's operators report there."""
+    with open(1, "w", encoding="utf-8", errors="backslashreplace", closefd=False) as chatter:
+        with redirect_stdout(chatter):
+            yield
 
 
 def _program_parser() -> Parser:

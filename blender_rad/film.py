@@ -60,7 +60,8 @@ class Film:
         taken for no smaller than that of its neighbourhood, which 27 degrees of freedom tell.
         """
         near = neighbourhood_mean(self.variance, self.inside)
-        return STUDENT_27 * np.sqrt(np.maximum(self.variance, near))
+        wider = np.where(self.inside[..., None], np.maximum(self.variance, near), 0.0)
+        return STUDENT_27 * np.sqrt(wider)
 
     @property
     def relative_standard_error(self) -> float:

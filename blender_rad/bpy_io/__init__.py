@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import atexit
 
+from .interrupt import interrupt_later
 from .quiet import quiet_stdout, silence_exit
 
-with quiet_stdout():  # as a Python package it greets
+with interrupt_later(), quiet_stdout():  # as a Python package it greets
     import bpy
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 
 from ..errors import Finding, RadError, unknown_name
+from .interrupt import interrupt_later
 from .quiet import quiet_stdout
 
 GLTF = {".glb", ".gltf"}
@@ -74,7 +75,7 @@ def _load(file: Path) -> None:
     """Load `file` into this Blender; Blender's own message becomes the error."""
     imported = file.suffix.lower() in GLTF
     try:
-        with quiet_stdout(errors=True):
+        with interrupt_later(), quiet_stdout(errors=True):
             if imported:
                 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
                 bpy.ops.import_scene.gltf(filepath=str(file.resolve()))

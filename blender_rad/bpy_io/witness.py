@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import re
-import signal
 import tempfile
-import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import RadError
 from .clay import make_clay
+from .interrupt import interrupt_later
 from .materials import Shading
 from .quiet import quiet_stdout
 
@@ -98,6 +97,7 @@ class CyclesWitness:
     Attributes
     ----------
     overridden : setting to (the file's value, the value used), for the report.
+    kept : setting to (the file's value, the unbiased one), where the file's own are asked for.
     """
 
     def __init__(
@@ -113,32 +113,39 @@ class CyclesWitness:
         self._resolution, self._shading = resolution, shading
         self._settings, self._threads = settings, threads
         self.overridden: dict[str, tuple[Any, Any]] = {}
+        self.kept: dict[str, tuple[Any, Any]] = {}
 
     def prepare(self) -> None:
         """Make all settings explicit, and the materials clay where that is asked for."""
-        wanted = _ALWAYS | (_REFERENCE if self._settings == "reference" else {})
+        wanted = dict(_ALWAYS)
+        if self._settings == "reference":
+            wanted |= _REFERENCE
+        else:
+            self.kept = dict(self._differing(_REFERENCE))
         if self._resolution is not None:
             width, height = self._resolution
             wanted |= {"render.resolution_x": width, "render.resolution_y": height}
             wanted |= {"render.resolution_percentage": 100}
         if self._threads is not None:
             wanted |= {"render.threads_mode": "FIXED", "render.threads": self._threads}
-        for setting, value in wanted.items():
-            self._override(setting, value)
+        for setting, (before, value) in self._differing(wanted):
+            path, name = setting.rsplit(".", 1)
+            setattr(self._bl_scene.path_resolve(path), name, value)
+            self.overridden[setting] = (before, value)
         self._only_one_layer()
         if self._shading == "clay":
             make_clay()
 
-    def _override(self, setting: str, value: Any) -> None:
-        """Set a property by its dotted name, unless this Blender has no such property."""
-        path, name = setting.rsplit(".", 1)
-        owner = self._bl_scene.path_resolve(path)
-        if name not in owner.bl_rna.properties:
-            return
-        before = getattr(owner, name)
-        if before != value:
-            setattr(owner, name, value)
-            self.overridden[setting] = (before, value)
+    def _differing(self, wanted: Mapping[str, Any]) -> Iterator[tuple[str, tuple[Any, Any]]]:
+        """Yield the dotted names of settings that are not as wanted, each with both values.
+
+        Those that this Blender does not have are left out.
+        """
+        for setting, value in wanted.items():
+            path, name = setting.rsplit(".", 1)
+            owner = self._bl_scene.path_resolve(path)
+            if name in owner.bl_rna.properties and getattr(owner, name) != value:
+                yield setting, (getattr(owner, name), value)
 
     def _only_one_layer(self) -> None:
         layers = self._bl_scene.view_layers
@@ -169,7 +176,7 @@ class CyclesWitness:
         """
         self._bl_scene.cycles.seed, self._bl_scene.cycles.samples = seed, samples
         self._bl_scene.update_tag()
-        with tempfile.TemporaryDirectory() as folder, _interruptible(), _progress(progress):
+        with tempfile.TemporaryDirectory() as folder, interrupt_later(), _progress(progress):
             file = Path(folder) / "witness.exr"
             with quiet_stdout():
                 self._render_to(file)
@@ -192,22 +199,6 @@ def _read(file: Path) -> NDArray[np.float32]:
     with OpenEXR.File(str(file), separate_channels=True) as exr:
         channels = exr.channels()
         return np.stack([channels[name].pixels for name in "RGBA"], axis=-1)
-
-
-@contextmanager
-def _interruptible() -> Generator[None]:
-    """Keep Ctrl-C until the work is done; Cycles' own Python would swallow it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    pressed: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed:
-        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -177,7 +177,8 @@ def output_file(*suffixes: str) -> Parse:
         path = Path(value)
         if path.suffix.lower() not in suffixes:
             raise RadError("cannot write this format", str(path), f"expected a {kinds} file")
-        if path.is_dir() or not os.access(path.parent, os.W_OK):
+        folder = path.parent
+        if path.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
             raise RadError("cannot write there", str(path), "expected a file in a folder to write")
         return path
 

@@ -5,18 +5,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..atomic import atomic_path
-from ..errors import RadError
-from ..strict_json import dumps
+from ..errors import Finding, RadError
+from ..strict_json import dumps, plain
 from . import _values as values
 from ._base import Outcome, option
 from ._scene import PictureCommand
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ..bpy_io.witness import CyclesWitness
     from ..checking import Check, Result, Terms
     from ..scene import Scene
@@ -109,9 +112,12 @@ class CheckOptions(PictureCommand, verb="check"):
 
         started = time.perf_counter()
         bl_scene, scene = self.read(frame, need_camera=True)
+        pictures = self._pictures(scene)
+        if folder:
+            _make_folder(folder)
         read = time.perf_counter() - started
         check = Check(scene, self._terms())
-        witness, result = self._compare(check, bl_scene, scene)
+        witness, result = self._compare(check, bl_scene, scene, pictures)
         document = build_document(
             scene,
             result,
@@ -121,6 +127,7 @@ class CheckOptions(PictureCommand, verb="check"):
             overridden=witness.overridden if witness else {},
             seconds={"read": read},
         )
+        document["findings"] += plain(_kept_settings(witness))
         if folder:
             self._write(folder, document, scene, result)
         return document
@@ -136,16 +143,27 @@ class CheckOptions(PictureCommand, verb="check"):
             film_exposure=self.exposure,
         )
 
+    def _pictures(self, scene: Scene) -> list[NDArray[np.float32]]:
+        """Return the pictures to judge, each (h, w, 3)."""
+        from ..exr import read_picture
+
+        pictures = [read_picture(path) for path in self.render]
+        expected = "x".join(map(str, scene.resolution))
+        for path, picture in zip(self.render, pictures, strict=True):
+            height, width = picture.shape[:2]
+            if (width, height) != scene.resolution:
+                what = f"a picture of {width}x{height} pixels"
+                raise RadError(what, str(path), f"expected {expected}, the resolution compared")
+        return pictures
+
     def _compare(
-        self, check: Check, bl_scene: Any, scene: Scene
+        self, check: Check, bl_scene: Any, scene: Scene, pictures: list[NDArray[np.float32]]
     ) -> tuple[CyclesWitness | None, Result]:
         """Return the witness, None where its pictures existed, and the comparison with it."""
         import numpy as np
 
-        from ..exr import read_picture
-
-        if self.render:
-            return None, check.against_pictures(np.stack([read_picture(p) for p in self.render]))
+        if pictures:
+            return None, check.against_pictures(np.stack(pictures))
         from ..bpy_io.witness import CyclesWitness
 
         resolution = self.resolution
@@ -160,6 +178,8 @@ class CheckOptions(PictureCommand, verb="check"):
             threads=self.threads,
         )
         witness.prepare()
+        if exposure := witness.kept.get("cycles.film_exposure"):
+            check.terms = replace(check.terms, film_exposure=exposure[0])
         own = bl_scene.cycles.samples if self.witness_settings == "file" else None
         return witness, check.against(witness, self.samples or own)
 
@@ -171,7 +191,6 @@ class CheckOptions(PictureCommand, verb="check"):
         from ..report import ReportData, write_report
 
         started = time.perf_counter()
-        folder.mkdir(parents=True, exist_ok=True)
         film, header = result.film, film_header(result.film, scene, self.efficacy)
         passes = (*PASSES, *(f"Light.{name}" for name in film.lights))
         write_exr(folder / "ours.exr", film_channels(film, scene, self.efficacy, passes), header)
@@ -198,6 +217,23 @@ class CheckOptions(PictureCommand, verb="check"):
 def worst(verdicts: Iterable[str]) -> str:
     """Return the verdict that counts for several comparisons."""
     return max(verdicts, key=list(CODES).index)
+
+
+def _kept_settings(witness: CyclesWitness | None) -> list[Finding]:
+    """Return the file's own settings, where the witness kept them, that are not the unbiased."""
+    kept = witness.kept if witness else {}
+    return [
+        Finding("witness-setting", "info", name, f"{name} is {own!r}; the unbiased is {unbiased!r}")
+        for name, (own, unbiased) in kept.items()
+    ]
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        said = f"expected a folder that can be made ({error.strerror})"
+        raise RadError("cannot write there", str(folder), said) from None
 
 
 def _rgb(image: Any) -> dict[str, Any]:

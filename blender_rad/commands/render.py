@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import unknown_name
+from ..errors import Finding, unknown_name
 from . import _values as values
 from ._base import Outcome, option
 from ._scene import PictureCommand
 
 if TYPE_CHECKING:
     from ..film import Film
+    from ..scene import Scene
 
 DEFAULT_ERROR = 0.01
 
@@ -77,6 +78,7 @@ class RenderOptions(PictureCommand, verb="render"):
         with bar("render") as progress:
             film = render(scene, settings, progress=progress)
         clock.append(time.perf_counter())
+        findings = [*film.findings, *_nothing_emits(scene)]
         channels = film_channels(film, scene, self.efficacy, self._layers(film))
         write_exr(self.output, channels, film_header(film, scene, self.efficacy))
         clock.append(time.perf_counter())
@@ -86,7 +88,7 @@ class RenderOptions(PictureCommand, verb="render"):
             "samples_per_pixel": float(film.samples[film.inside].mean()),
             "relative_standard_error": film.relative_standard_error,
             "coverage": coverage(film),
-            "findings": list(film.findings),
+            "findings": findings,
             "efficacy_lm_W": self.efficacy,
             "model": self.model,
             "seconds": {"read": read, "render": rendered, "write": written},
@@ -109,6 +111,14 @@ class RenderOptions(PictureCommand, verb="render"):
             if name not in (*PASSES, *lights):
                 raise unknown_name("layer", name, "--passes", ["all", *PASSES, *lights])
         return self.passes
+
+
+def _nothing_emits(scene: Scene) -> list[Finding]:
+    from ..checking import light_rows
+
+    if light_rows(scene):
+        return []
+    return [Finding("nothing-emits", "warning", "", "no light in the scene: the picture is black")]
 
 
 def _text(document: dict[str, Any]) -> str:

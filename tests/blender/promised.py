@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The program from outside, and the small scenes that it is asked about."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+WIDTH, HEIGHT = 32, 24
+ALBEDO = (0.8, 0.5, 0.25)
+ROOT = Path(__file__).parents[2]
+ERROR = re.compile(r"blender-rad: error: [^,\n]+, [^\n]+, [^\n]+\n")
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a run of the program left: its exit code and what it said."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def document(self) -> dict[str, Any]:
+        return strict(self.out)
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "blender_rad", *map(str, arguments)]
+
+
+def ran(*arguments: object, **environment: str) -> Ran:
+    done = subprocess.run(
+        command(*arguments),
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+        check=False,
+    )
+    return Ran(done.returncode, done.stdout, done.stderr)
+
+
+def inside(*arguments: object) -> Ran:
+    """Run the program in this process, where a Blender of its own would only cost time."""
+    from blender_rad.cli import main
+
+    kept = sys.argv
+    with said(1) as out, said(2) as err:
+        try:
+            sys.argv = ["blender-rad", *map(str, arguments)]
+            code = main()
+        except SystemExit as left:
+            code = left.code
+        finally:
+            sys.argv = kept
+    assert isinstance(code, int)
+    return Ran(code, out[0], err[0])
+
+
+@contextmanager
+def said(descriptor: int) -> Iterator[list[str]]:
+    """Gather what goes to standard output or error, Blender's own words among it."""
+    name = {1: "stdout", 2: "stderr"}[descriptor]
+    gathered: list[str] = []
+    before, kept = getattr(sys, name), os.dup(descriptor)
+    before.flush()
+    with tempfile.TemporaryFile("w+b") as file:
+        os.dup2(file.fileno(), descriptor)
+        stream = os.fdopen(os.dup(descriptor), "w", encoding="utf-8")
+        setattr(sys, name, stream)
+        try:
+            yield gathered
+        finally:
+            stream.close()
+            if (own := getattr(sys, name)) is not stream:
+                own.close()
+            setattr(sys, name, before)
+            os.dup2(kept, descriptor)
+            os.close(kept)
+            file.seek(0)
+            gathered.append(file.read().decode())
+
+
+def strict(text: str) -> dict[str, Any]:
+    """Return the one JSON document that the text is, as RFC 8259 has it."""
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no JSON")
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        assert len(dict(pairs)) == len(pairs), pairs
+        return dict(pairs)
+
+    return json.loads(text, parse_constant=refuse, object_pairs_hook=unique)
+
+
+def refused(run: Ran, *named: str) -> None:
+    """Hold a run against what is promised for bad input."""
+    assert (run.code, run.out) == (2, ""), run
+    assert ERROR.fullmatch(run.err), run.err
+    for word in named:
+        assert word in run.err, run.err
+
+
+def tree(folder: Path) -> dict[str, tuple[str, int]]:
+    """Return each file's digest and time of change, by its path in the folder."""
+    return {
+        str(path.relative_to(folder)): (
+            hashlib.sha256(path.read_bytes()).hexdigest(),
+            path.stat().st_mtime_ns,
+        )
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def exr(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
+    """Return the header and each channel as (h, w)."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        assert len(file.parts) == 1
+        channels = {name: channel.pixels for name, channel in file.channels().items()}
+        assert {pixels.dtype for pixels in channels.values()} == {np.dtype(np.float32)}
+        return dict(file.header()), {n: p.astype(np.float64) for n, p in channels.items()}
+
+
+def layer(channels: dict[str, NDArray[np.float64]], name: str) -> NDArray[np.float64]:
+    """Return the RGB of a layer, or of the picture where the name is empty: (h, w, 3)."""
+    prefix = f"{name}." if name else ""
+    return np.stack([channels[f"{prefix}{c}"] for c in "RGB"], axis=-1)
+
+
+def link(name: str, data: Any, at: tuple[float, float, float] = (0, 0, 0)) -> Any:
+    thing = bpy.data.objects.new(name, data)
+    thing.location = at
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
+def with_nodes(thing: Any) -> None:
+    if not thing.node_tree:  # from 5.0 on it is always there
+        thing.use_nodes = True
+
+
+def matte(name: str, color: tuple[float, float, float] = ALBEDO) -> Any:
+    material = bpy.data.materials.new(name)
+    with_nodes(material)
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    surface = nodes.new('ShaderNodeBsdfDiffuse')
+    surface.inputs["Color"].default_value = (*color, 1)
+    output = nodes.new('ShaderNodeOutputMaterial')
+    material.node_tree.links.new(surface.outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
+def square(name: str, half: float, at: tuple[float, float, float] = (0, 0, 0)) -> Any:
+    mesh = bpy.data.meshes.new(name)
+    corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    mesh.materials.append(matte(name))
+    return link(name, mesh, at)
+
+
+def point(
+    name: str = "Key",
+    at: tuple[float, float, float] = (0.4, 0.2, 2.0),
+    energy: float = 100.0,
+    radius: float = 0.0,
+    soft: bool = False,
+) -> Any:
+    light = bpy.data.lights.new(name, 'POINT')
+    light.energy, light.shadow_soft_size, light.use_soft_falloff = energy, radius, soft
+    return link(name, light, at)
+
+
+def panel(name: str = "Fill", energy: float = 40.0) -> Any:
+    light = bpy.data.lights.new(name, 'AREA')
+    light.energy, light.size = energy, 1.0
+    return link(name, light, (-1.0, 0.0, 1.5))
+
+
+def world(name: str, color: tuple[float, float, float]) -> None:
+    bl_world = bpy.data.worlds.new(name)
+    with_nodes(bl_world)
+    bl_world.node_tree.nodes["Background"].inputs["Color"].default_value = (*color, 1)
+    bpy.context.scene.world = bl_world
+
+
+def stage() -> Any:
+    """Empty the session; put a camera 5 m above a 4 m floor, so that background shows beside it."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.render.engine = 'CYCLES'
+    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
+    camera = bpy.data.cameras.new("Camera")
+    camera.type, camera.ortho_scale = 'ORTHO', 5.0
+    scene.camera = link("Camera", camera, (0, 0, 5))
+    square("Floor", 2.0)
+    return scene
+
+
+def save(path: Path) -> Path:
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), check_existing=False)
+    return path
+
+
+def scene_file(folder: Path, name: str, *build: Callable[[], object]) -> Path:
+    """Save a stage with what the functions add."""
+    stage()
+    for add in build:
+        add()
+    return save(folder / f"{name}.blend")
