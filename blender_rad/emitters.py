@@ -4,12 +4,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from .lights import Light, LightSample
-from .lights._base import Array
+from .lights import Light
 from .lights.mesh import MeshLight
 from .lights.world import WorldLight
 from .rays import transform_points
@@ -34,27 +32,6 @@ class Emitter:
     cause: Unsupported | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Beacon(Light):
-    """A place from which light of an unknown kind comes; it is asked for visibility alone."""
-
-    kind: ClassVar[str] = "BEACON"
-    position: Array
-
-    def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
-        away = self.position - points
-        distance = np.linalg.norm(away, axis=1)
-        wi = away / np.maximum(distance, 1e-300)[:, None]
-        return LightSample(wi, distance, np.ones(len(points)), np.full(len(points), np.inf))
-
-    def radiant_flux(self) -> Array:
-        return np.full(3, np.nan)
-
-    @classmethod
-    def examples(cls) -> list[Light]:
-        return [cls(name="beacon", rgb=np.ones(3), position=np.zeros(3))]
-
-
 def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
     """Return the scene's emitters and the names of their layers."""
     known: list[Light] = list(scene.lights)
@@ -72,19 +49,12 @@ def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
     if world.visible_diffuse and not world.known:
         cause = _cause(world.unsupported, "world", WORLD_NAME)
         unknown.append((WorldLight(name=WORLD_NAME, rgb=np.ones(3)), cause))
-    for name, position in scene.unknown_lights:
-        own = tuple(u for u in scene.unsupported if u.kind == "light" and u.name == name)
-        light = _beacon(name, position)
-        unknown.append((light, _cause(own, "light", name)))
+    for light in scene.unknown_lights:
+        own = tuple(u for u in scene.unsupported if u.kind == "light" and u.name == light.name)
+        unknown.append((light, _cause(own, "light", light.name)))
     names = list(dict.fromkeys(light.name for light in known))
     found = [Emitter(light, names.index(light.name)) for light in known]
     return found + [Emitter(light, -1, cause) for light, cause in unknown], names
-
-
-def _beacon(name: str, position: Array | None) -> Light:
-    if position is None:
-        return WorldLight(name=name, rgb=np.ones(3))
-    return _Beacon(name=name, rgb=np.ones(3), position=position)
 
 
 def _emitting_slots(scene: Scene, instance: Instance) -> list[tuple[int, Material]]:

@@ -160,8 +160,8 @@ class Scene:
     Attributes
     ----------
     lights : native lights; the estimator adds the mesh emitters and the world.
-    unknown_lights : positions of light objects that cannot be evaluated, as ``(name, (3,) [bu])``
-        (position None for distant ones); what they may reach is excluded.
+    unknown_lights : light objects whose emission is not known, in their place and shape; what
+        they may reach is excluded.
     resolution : (width, height) of the full frame in pixels.
     border : (x0, y0, x1, y1) in pixels from the lower left, the part that is rendered; outside it
         pixels are 0.
@@ -188,6 +188,6 @@ class Scene:
     chromaticities: tuple[float, ...] = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
     luminance_weights: tuple[float, float, float] = REC709_LUMINANCE
     blender_version: tuple[int, int, int] = (0, 0, 0)
-    unknown_lights: tuple[tuple[str, NDArray[np.float64] | None], ...] = ()
+    unknown_lights: tuple[Light, ...] = ()
     unsupported: tuple[Unsupported, ...] = ()
     findings: tuple[Finding, ...] = ()

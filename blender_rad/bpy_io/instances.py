@@ -22,6 +22,10 @@ from .meshes import box_mesh, read_mesh
 
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
+NOTES = {
+    "area-sheared": "its axes are not at right angles (a parent scaled unevenly): Cycles takes a"
+    " wrong area, so that its light is not what its power says",
+}
 _RAYS = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
@@ -55,7 +59,7 @@ class Reader:
     materials: list[Material] = field(default_factory=list)
     instances: list[Instance] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
-    unknown_lights: list[tuple[str, NDArray[np.float64] | None]] = field(default_factory=list)
+    unknown_lights: list[Light] = field(default_factory=list)
     unsupported: list[Unsupported] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
@@ -269,33 +273,39 @@ class Reader:
         feature = light_feature(shown) or ("Light linking" if facts.linked else None)
         if not facts.visible["diffuse"] and facts.visible["camera"]:
             feature = feature or "Seen by the camera only"
-        if feature:
-            self.unsupported.append(Unsupported("light", facts.name, feature))
-            position = None if shown.data.type == "SUN" else world[:3, 3]
-            self.unknown_lights.append((facts.name, position))
-        elif facts.visible["diffuse"]:
-            self._add_light(shown, facts, world)
-        else:
+        if not (feature or facts.visible["diffuse"]):
             message = "does not light diffuse surfaces (ray visibility)"
             self.findings.append(Finding("hidden-light", "warning", facts.name, message))
+            return
+        light = self._light(shown, facts, world, known=feature is None)
+        if light is None:
+            return
+        if feature:
+            self.unsupported.append(Unsupported("light", facts.name, feature))
+            self.unknown_lights.append(light)
+            return
+        self.lights.append(light)
+        for note in light.notes:
+            self.findings.append(Finding(note, "warning", facts.name, NOTES[note]))
 
-    def _add_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
-        camera = facts.visible["camera"]
+    def _light(
+        self, shown: Any, facts: _Facts, world: NDArray[np.float64], *, known: bool
+    ) -> Light | None:
+        """Return the light, None when it emits nothing; nodes that are not known count as 1."""
         record = light_record(
             shown,
             facts.name,
             world,
             unit_scale_m=self.unit_scale_m,
             version=blender_version(),
-            visible_camera=camera,
+            visible_camera=facts.visible["camera"],
+            nodes_known=known,
         )
         numbers = [v for v in record.properties.values() if isinstance(v, float)]
         if not np.isfinite(numbers).all():
             self._left_out(facts.name, "its energy or size is not finite")
-            return
-        light = light_from_record(record, self.model)
-        if light is not None:
-            self.lights.append(light)
+            return None
+        return light_from_record(record, self.model)
 
     def _left_out(self, name: str, why: str) -> None:
         self.findings.append(Finding("not-finite", "warning", name, f"left out: {why}"))

@@ -23,16 +23,18 @@ def light_record(
     unit_scale_m: float,
     version: tuple[int, int, int],
     visible_camera: bool,
+    nodes_known: bool = True,
 ) -> LightRecord:
     """Return the record of an evaluated light object.
 
     Every scalar, enum and vector property of the light is copied by Blender's name, those of
-    Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,).
+    Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,), unless
+    `nodes_known` is off: it then counts as 1.
     """
     light = bl_object.data
     properties = _properties(light)
     properties |= {f"cycles.{key}": value for key, value in _properties(light.cycles).items()}
-    if nodes.uses_nodes(light):
+    if nodes_known and nodes.uses_nodes(light):
         properties[_NODES] = nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})[0]
     return LightRecord(
         name=name,

@@ -294,9 +294,8 @@ def test_constant_node_trees_multiply_and_others_are_unknown() -> None:
     plain.location = (1, 2, 3)
     scene = read()
     assert not scene.lights
-    name, position = scene.unknown_lights[0]
-    assert name == "Lamp"
-    np.testing.assert_allclose(position, [1, 2, 3])
+    assert [lamp.name for lamp in scene.unknown_lights] == ["Lamp"]
+    np.testing.assert_allclose(scene.unknown_lights[0].position, [1, 2, 3])
     assert ("light", "Lamp", "Emission") in features(scene)
 
 
@@ -310,7 +309,7 @@ def test_lights_that_do_not_light() -> None:
     seen.visible_diffuse, seen.visible_camera = False, True
     scene = read()
     assert not scene.lights
-    assert {n for n, _ in scene.unknown_lights} == {"Linked", "Seen"}
+    assert {lamp.name for lamp in scene.unknown_lights} == {"Linked", "Seen"}
     assert [f.object for f in scene.findings] == ["Hidden"]
 
 
@@ -440,3 +439,13 @@ def test_luminance_weights_follow_from_the_chromaticities(name: str, published: 
     np.testing.assert_allclose(found.chromaticities, corners, atol=1e-5)
     xyz = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
     np.testing.assert_allclose(found.luminance_weights, xyz[1], atol=2e-6)
+
+
+def test_sheared_area_lights_are_a_finding() -> None:
+    host = bpy.data.objects.new("Host", None)
+    host.scale = (1, 3, 1)
+    bpy.context.scene.collection.objects.link(host)
+    lamp = light('AREA')
+    assert not read().findings
+    lamp.parent, lamp.rotation_euler = host, (0.4, 0.5, 0.6)
+    assert [(f.code, f.object) for f in read().findings] == [("area-sheared", "Lamp")]

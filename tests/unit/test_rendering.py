@@ -159,7 +159,8 @@ def test_unsupported_surface_is_excluded_with_what_it_may_shade() -> None:
 
 
 def test_unknown_light_and_world_exclude_what_they_reach() -> None:
-    made = balls(unknown_lights=(("mystery", np.array([0.0, 0.0, 9.0])),))
+    mystery = PointLight(name="mystery", rgb=np.ones(3), position=np.array([0.0, 0.0, 9.0]))
+    made = balls(unknown_lights=(mystery,))
     film = render(made, Settings(samples=16))
     assert film.excluded_by == {Unsupported("light", "mystery", "emission"): film.excluded.sum()}
     assert 0.5 < film.excluded.mean() < 1.0  # below the balls it is dark
