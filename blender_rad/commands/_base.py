@@ -126,6 +126,8 @@ def _parsed(entry: Field[Any], parse: Parse, value: Any) -> Any:
         return parse(value)
     except RadError:
         raise
+    except OSError as error:  # a path that no file can have: too long, or a loop of links
+        raise RadError(str(error.strerror), str(value), "expected a usable path") from None
     except (ValueError, TypeError, OverflowError) as error:
         expected = f"expected {error}"
         raise RadError(f"{str(value)!r} is not allowed", flag_of(entry), expected) from None

@@ -526,7 +526,7 @@ def test_bad_pictures(files: dict[str, Path], pictures: list[Path], tmp_path: Pa
 def test_bad_reports(files: dict[str, Path], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     before = tree(tmp_path)
-    for bad in ("file", "file/below", "/proc/nowhere"):
+    for bad in ("file", "file/below", "/proc/nowhere", 300 * "x"):
         refused(inside("check", files["two"], "--report", tmp_path / bad, "--samples", 1), bad)
     assert tree(tmp_path) == before
 

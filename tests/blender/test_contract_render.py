@@ -42,6 +42,7 @@ from .promised import (  # noqa: E402
     world,
 )
 
+LONG = 300 * "x"  # longer than a file's name can be
 SINGLE = 1e-5  # of sums of single-precision pixels
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 STANDARD = {
@@ -459,7 +460,7 @@ def test_bad_outputs(files: dict[str, Path], tmp_path: Path) -> None:
     (tmp_path / "folder.exr").mkdir()
     mine = shutil.copy(files["two"], tmp_path / "mine.blend")
     before = tree(tmp_path)
-    for bad in ("file/o.exr", "folder.exr", "mine.blend", "/proc/nowhere/o.exr"):
+    for bad in ("file/o.exr", "folder.exr", "mine.blend", "/proc/nowhere/o.exr", LONG + ".exr"):
         refused(inside("render", mine, "-o", tmp_path / bad, "--samples", 1), bad)
         assert tree(tmp_path) == before
     refused(inside("render", mine), "-o")
