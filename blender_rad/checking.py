@@ -32,6 +32,7 @@ FIRST_SAMPLES = 64  # a pixel and seed of the witness
 MAX_SEEDS = 64
 OUR_FIRST_SAMPLES = 32  # a pixel, the same for all: samples that follow the noise bias the mean
 OUR_MAX_SAMPLES = 512
+OUR_FIRST_ERROR = 0.1  # relative, of pixels: what noise in our layers does to factors is then small
 MAX_GROWTH = 8.0  # of the samples from one round to the next
 MAX_ROUNDS = 4
 
@@ -134,6 +135,13 @@ class Check:
             seed=seed,
         )
         self.film: Film = self._clock("ours", self._render_ours)
+        excess = (self.film.relative_standard_error / OUR_FIRST_ERROR) ** 2
+        if terms.samples is None and excess > 1.0:
+            self._sample_ours(math.ceil(excess * self._our_samples))
+
+    def _sample_ours(self, samples: int) -> None:
+        self._settings = replace(self._settings, samples=min(samples, OUR_MAX_SAMPLES))
+        self.film = self._clock("ours", self._render_ours)
 
     def _render_ours(self, scene: Scene | None = None) -> Film:
         with bar("ours") as progress:
@@ -160,8 +168,7 @@ class Check:
                 comparison = self._too_noisy(comparison)
                 break
             if ours > self._our_samples:
-                self._settings = replace(self._settings, samples=ours)
-                self.film = self._clock("ours", self._render_ours)
+                self._sample_ours(ours)
             if seeds > len(pictures):
                 more = self._ask_witness(witness, range(len(pictures) + 1, seeds + 1), each)
                 pictures = np.concatenate([pictures, more])
@@ -194,9 +201,10 @@ class Check:
     def _too_noisy(self, comparison: Comparison) -> Comparison:
         """Return the comparison with what holds it up, and what would settle it."""
         about = comparison.held_up_by
+        times = max(comparison.needed_factor or 0.0, comparison.least_factor)
         message = (
-            f"the noise of {about} is {comparison.held_up_error:.2g} of its tolerance: about "
-            f"{comparison.needed_factor:.0f} times the samples would decide"
+            f"the noise of {about} is {comparison.held_up_error:.2g} times its tolerance, too much "
+            f"to decide: about {times:.2g} times the samples would"
         )
         finding = Finding("noise-too-high", "warning", about, message)
         return replace(comparison, findings=(*comparison.findings, finding))

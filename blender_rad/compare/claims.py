@@ -40,6 +40,7 @@ from .statistics import critical_value, holm, p_equivalent, p_outside, t_quantil
 
 TILE_TOLERANCES = 5.0
 LIGHTS_LEVEL, LEVEL = 1.0 / 2.0, 1.0 / 6.0
+HINT = 0.05  # chance that noise alone makes any claim look clearly outside
 SAFETY = 1.3  # on the samples foretold: the noise itself is only estimated
 FRAME, TILES = -1, -2
 
@@ -153,7 +154,8 @@ def foretell(claims: Claims, alpha: float) -> Forecast:
     needed = SAFETY * (t * claims.error / gap) ** 2
     error = claims.error / claims.tolerance
     least = (critical_value(alpha, MAX_DF) * error) ** 2
-    clear = size - claims.tolerance > 2.0 * claims.error
+    p = p_outside(claims.delta, claims.error, claims.df, claims.tolerance)
+    clear = p <= HINT * claims.weight
     if clear.any():
         t_differ = t_quantile(alpha * claims.weight[clear], claims.df[clear])
         needed[clear] *= (t_differ / t) ** 2

@@ -21,28 +21,34 @@ _RIDGE = 1e-9
 
 
 def model_weights(cells: Cells, pools: Pools) -> Array:
-    """Return the weight of each cell sum, shaped as `Cells.counts`: 1 / (n (a + b·ours)).
+    """Return the weight of each cell sum, (r or 1, ch, cw, 3): 1 / (n (a + b·ours + c·seen)).
 
     A weight taken from the very samples that it weighs prefers those that came out dark and quiet.
     So a and b are two numbers for the whole picture, from the medians of the tiles' spread in its
     darker and its brighter half, and `ours` is the mean of the 16×16 tile, which hardly knows the
-    noise of one cell of ours.
+    noise of one cell of ours. What the camera sees directly is added as it is: a few pixels on the
+    edge of an emitter may hold most of a picture's noise, since each sample meets it or misses it,
+    with variance L p (1 − p) L ≤ L·seen. Its c takes a sample for as noisy, relative to its mean
+    squared, as it is in the median tile.
     """
     scale, variance = pools.tile_scale, pools.tiles.witness_variance * pools.pixels
-    a, b = 0.0, 0.0
+    a, b, c = 0.0, 0.0, 0.0
     if len(scale):
         bright = scale > np.median(scale)
         halves = [bright, ~bright] if bright.any() else [~bright, ~bright]
         (x1, v1), (x0, v0) = ((np.median(scale[h]), np.median(variance[h])) for h in halves)
         b = max((v1 - v0) / (x1 - x0), 0.0) if x1 > x0 else 0.0
         a = max(v0 - b * x0, 0.0)
+        c = float(np.median(variance) / np.median(scale) ** 2)
     a = max(a, b * 0.01 * float(pools.frame_scale.mean()), np.finfo(float).tiny ** 0.5)
     total = cells.counts.max(axis=0)
     tile = block_sums(np.abs(cells.ours), CELLS_A_TILE)
     mean = tile / np.maximum(block_sums(total, CELLS_A_TILE), 1.0)
     rows, columns = cells.ours.shape[:2]
     spread = np.repeat(np.repeat(mean, CELLS_A_TILE, axis=0), CELLS_A_TILE, axis=1)
-    weight = 1.0 / (np.maximum(total, 1.0) * (a + b * spread[:rows, :columns]))
+    seen = np.abs(cells.seen) / np.maximum(total, 1.0)
+    noise = a + b * spread[:rows, :columns] + c * seen.max() * seen
+    weight = 1.0 / (np.maximum(total, 1.0) * noise)
     return weight / weight.max() * (cells.counts > 0)
 
 
