@@ -84,7 +84,7 @@ def _cover(bl_object: Any, bare: Any) -> None:
 
 def _cover_tree(bare: Any) -> Any:
     """Return geometry nodes that put `bare` on all faces without a material, in instances too."""
-    tree = bpy.data.node_groups.new(_NAME, 'GeometryNodeTree')
+    tree: Any = bpy.data.node_groups.new(_NAME, 'GeometryNodeTree')
     for way in ('INPUT', 'OUTPUT'):
         tree.interface.new_socket("Geometry", in_out=way, socket_type='NodeSocketGeometry')
     start, end = tree.nodes.new('NodeGroupInput'), tree.nodes.new('NodeGroupOutput')
