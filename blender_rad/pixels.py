@@ -67,9 +67,13 @@ class Pixels:
         return np.einsum("nsk->nk", self.streams) / np.maximum(self.samples, 1)[:, None]
 
     def variance(self) -> Floats:
-        """Variance (n, 3) of the mean, from the spread of the streams; nan with a single one."""
+        """Variance (n, 3) of the mean, from the spread of the streams.
+
+        A single sample tells nothing of its error, which is then taken to be all of the value.
+        """
         mean, total = self.mean(), self.samples
         own = self.streams / np.maximum(self.taken, 1)[:, :, None] - mean[:, None]
         spread = np.einsum("ns,nsk->nk", self.taken, own**2)
         freedom = ((np.count_nonzero(self.taken, axis=1) - 1) * total).astype(float)
-        return spread / np.where(freedom > 0, freedom, np.nan)[:, None]
+        spread[freedom == 0] = mean[freedom == 0] ** 2
+        return spread / np.maximum(freedom, 1.0)[:, None]

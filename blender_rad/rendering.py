@@ -38,6 +38,7 @@ T = TypeVar("T", bound=np.generic)
 STREAMS = 4
 FIRST_ROUNDS = 1  # for all pixels, before any decision
 BATCH = 16384  # camera samples worked off at a time, so that arrays stay near the processor
+MAX_SAMPLES = STREAMS * MAX_POINTS
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
 
 
@@ -71,6 +72,7 @@ def render(
     scene: Scene,
     settings: Settings | None = None,
     *,
+    light: DirectLight | None = None,
     progress: Progress | None = None,
     cancel: threading.Event | None = None,
 ) -> Film:
@@ -78,19 +80,24 @@ def render(
 
     Parameters
     ----------
+    light : what was built for this scene before; None builds it.
     progress : called with the share of the work done, 0 to 1, as far as it can be foreseen.
     cancel : set from elsewhere to stop.
 
     Raises
     ------
     RadError
-        When the scene has no camera.
+        When the scene has no camera, or for more samples than the sequences have points.
     CancelledError
         When `cancel` was set.
     """
     if scene.camera is None:
         raise RadError("no camera", scene.file, "expected a scene with an active camera")
-    run = _Run(scene, scene.camera, settings or Settings(), progress, cancel)
+    settings = settings or Settings()
+    if (settings.samples or 1) > MAX_SAMPLES:
+        asked = f"{settings.samples} samples a pixel"
+        raise RadError(asked, scene.file, f"expected at most {MAX_SAMPLES}")
+    run = _Run(scene, scene.camera, settings, light or DirectLight(scene), progress, cancel)
     return run.film()
 
 
@@ -100,11 +107,12 @@ class _Run:
         scene: Scene,
         camera: Camera,
         settings: Settings,
+        light: DirectLight,
         progress: Progress | None,
         cancel: threading.Event | None,
     ) -> None:
         self.scene, self.camera, self.settings = scene, camera, settings
-        self.light = DirectLight(scene)
+        self.light = light
         self.albedo = np.array([m.albedo for m in scene.materials]).reshape(-1, 3)
         self.emission = np.array([m.emission for m in scene.materials]).reshape(-1, 3)
         self.unsupported = [m.unsupported for m in scene.materials]
@@ -133,6 +141,8 @@ class _Run:
     def _take_fixed(self, pool: ThreadPoolExecutor, samples: int) -> None:
         everyone = np.arange(len(self.place))
         for taken in range(0, samples, STREAMS):
+            if self.late:
+                break
             streams = min(STREAMS, samples - taken)
             self._round(pool, everyone, streams, (taken / samples, (taken + streams) / samples))
 

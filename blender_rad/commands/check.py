@@ -86,6 +86,10 @@ class CheckOptions(PictureCommand, verb="check"):
         self.exclude("frame", "frames")
         self.exclude("witness_scene", "render")
         self.require("exposure", "render")
+        for picture in self.render:
+            if self.report and picture.resolve().parent == self.report.resolve():
+                where, expected = str(picture), "expected the report in another folder"
+                raise RadError("the report would overwrite the picture", where, expected)
 
     def run(self) -> Outcome:
         if unknown := set(self.against) - {"cycles"}:

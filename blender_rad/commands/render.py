@@ -60,6 +60,7 @@ class RenderOptions(PictureCommand, verb="render"):
             object.__setattr__(self, "error", DEFAULT_ERROR)
 
     def run(self) -> Outcome:
+        from ..direct import DirectLight
         from ..exr import film_channels, film_header, write_exr
         from ..progress import bar
         from ..rendering import Settings, render
@@ -67,6 +68,8 @@ class RenderOptions(PictureCommand, verb="render"):
 
         clock = [time.perf_counter()]
         _, scene = self.read(self.frame, need_camera=True)
+        clock.append(time.perf_counter())
+        light = DirectLight(scene)
         clock.append(time.perf_counter())
         settings = Settings(
             samples=self.samples,
@@ -76,13 +79,13 @@ class RenderOptions(PictureCommand, verb="render"):
             time_limit=self.time_limit,
         )
         with bar("render") as progress:
-            film = render(scene, settings, progress=progress)
+            film = render(scene, settings, light=light, progress=progress)
         clock.append(time.perf_counter())
         findings = [*film.findings, *_nothing_emits(scene)]
         channels = film_channels(film, scene, self.efficacy, self._layers(film))
         write_exr(self.output, channels, film_header(film, scene, self.efficacy))
         clock.append(time.perf_counter())
-        read, rendered, written = (b - a for a, b in itertools.pairwise(clock))
+        read, built, rendered, written = (b - a for a, b in itertools.pairwise(clock))
         document = {
             "output": str(self.output),
             "samples_per_pixel": float(film.samples[film.inside].mean()),
@@ -91,7 +94,7 @@ class RenderOptions(PictureCommand, verb="render"):
             "findings": findings,
             "efficacy_lm_W": self.efficacy,
             "model": self.model,
-            "seconds": {"read": read, "render": rendered, "write": written},
+            "seconds": {"read": read, "build": built, "render": rendered, "write": written},
         }
         return Outcome(document, _text(document))
 

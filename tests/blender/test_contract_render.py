@@ -150,7 +150,6 @@ def test_document(two: tuple[Any, ...]) -> None:
     assert document["model"] == "cycles"
 
 
-@pytest.mark.xfail(reason="building is not timed apart from rendering yet", strict=True)
 def test_building_has_its_own_seconds(two: tuple[Any, ...]) -> None:
     assert "build" in two[0]["seconds"]
 
