@@ -4,8 +4,9 @@
 Every trial compares fresh samples of ours with fresh seeds of Cycles, by `Check`, twice: the scene
 as it is, and with one light, each in turn, 2 % stronger in the witness. Promised are at most 1
 `differ` in 100 for the scene as it is, and at least 99 in 100 for the other, the light named and
-its factor within three standard errors. Errors of factors are calibrated where (factor − 1) / error
-has mean 0 and deviation 1. Exits with 1 where a promise is broken.
+its factor within three standard errors. Errors of factors are calibrated where z = (factor − 1) /
+error has mean 0 and the deviation of Student's t, 1.07 for 16 seeds. Exits with 1 where a promise
+is broken.
 """
 
 from __future__ import annotations
