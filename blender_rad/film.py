@@ -23,8 +23,8 @@ class Film:
     Attributes
     ----------
     radiance : (h, w, 3) [W/(m² sr)], premultiplied with `alpha`.
-    variance : (h, w, 3) unbiased variance of the mean of `radiance`, its square where a single sample
-        tells nothing; pixels are independent of each other, so over a pool it adds up.
+    variance : (h, w, 3) unbiased variance of the mean of `radiance`; where a single sample tells
+        nothing, the square of the value. Pixels are independent: over a pool it adds up.
     alpha : (h, w).
     lights : radiance by light name, each (h, w, 3) float32; they add up to `radiance` less what
         the camera sees directly (emitting surfaces and the background), which is `seen`.

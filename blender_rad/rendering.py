@@ -97,8 +97,8 @@ def render(
     if (settings.samples or 1) > MAX_SAMPLES:
         asked = f"{settings.samples} samples a pixel"
         raise RadError(asked, scene.file, f"expected at most {MAX_SAMPLES}")
-    run = _Run(scene, scene.camera, settings, light or DirectLight(scene), progress, cancel)
-    return run.film()
+    light = light or DirectLight(scene)
+    return _Run(scene, scene.camera, settings, light, progress=progress, cancel=cancel).film()
 
 
 class _Run:
@@ -108,6 +108,7 @@ class _Run:
         camera: Camera,
         settings: Settings,
         light: DirectLight,
+        *,
         progress: Progress | None,
         cancel: threading.Event | None,
     ) -> None:
