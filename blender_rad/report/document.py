@@ -21,7 +21,7 @@ def build_document(
     result: Result,
     terms: Terms,
     *,
-    efficacy_lm_W: float,  # noqa: N803 - the unit's own spelling
+    efficacy_lm_W: float,
     witness_name: str,
     overridden: Mapping[str, tuple[Any, Any]],
     seconds: Mapping[str, float],
