@@ -66,7 +66,7 @@ def lit_body(body: str, light: str) -> Sides:
     add("Body", build(), **settings)
     look_at((0, 0, 0), (0.5, -4, 0.6), lens=60)
     lamp(location=(2.6, -1.8, 1.6), **LIGHTS[light])
-    return both_sides((32, 32), ours=256, seeds=4, samples=64)
+    return both_sides((32, 32), ours=384, seeds=4, samples=64)
 
 
 @pytest.mark.parametrize("light", LIGHTS)
@@ -87,6 +87,6 @@ def test_terminator_offsets_are_seen(body: str) -> None:
         replace(i, terminator_geometry_offset=0.0, terminator_shading_offset=0.0)
         for i in sides.scene.instances
     )
-    film = render(replace(sides.scene, instances=plain), Settings(samples=256, threads=2))
+    film = render(replace(sides.scene, instances=plain), Settings(samples=384, threads=2))
     off, error = replace(sides, film=film).tiles()
     assert (np.abs(off) > TOLERANCE + 3 * error).any()
