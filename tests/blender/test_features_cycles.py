@@ -137,6 +137,15 @@ def instanced_emitter() -> None:
         host.instance_type, host.instance_collection = 'COLLECTION', source
 
 
+def emitter_under_ceiling() -> None:
+    """A panel close to a ceiling, which its upper face lights at grazing angles alone."""
+    stage()
+    add("Ceiling", polygons("Ceiling", *SQUARE), scale=(3, 3, 1), location=(0, 0, 2.5))
+    panel = glowing(polygons("Panel", *SQUARE), 20.0)
+    add("Panel", panel, location=(0, 0.3, 2.45), scale=(0.4, 0.4, 1), visible_camera=False)
+    look_at((0, 0.3, 2.5), (0.3, -3, 0.9), lens=60)
+
+
 def two_materials() -> None:
     """A box that glows in two colours on two of its faces, and reflects with the others."""
     box = stage(location=(0.2, -0.2, 0.8))
@@ -195,6 +204,7 @@ CASES: dict[str, Callable[[], None]] = {
     "emitter-scaled": emitter({"scale": (0.8, -0.1, 3), "rotation_euler": (0.5, 0.6, 0.2)}),
     "emitter-copies": emitter({}, copies=3),
     "emitter-instances": instanced_emitter,
+    "emitter-under-ceiling": emitter_under_ceiling,
     "emitter-two-materials": two_materials,
     "emitter-and-diffuse": emission_and_diffuse,
     "emitter-no-camera-rays": emitter({}, visible_camera=False),
