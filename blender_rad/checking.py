@@ -157,7 +157,8 @@ class Check:
         """Judge a witness that can be asked for more; `samples` a pixel and seed if it is fixed."""
         each = samples or self.terms.samples or FIRST_SAMPLES
         pictures = self._ask_witness(witness, range(1, FIRST_SEEDS + 1), each)
-        for round_index in range(MAX_ROUNDS):
+        round_index = 0
+        while True:
             judged = partial(judge, self.film, pictures, round_index=round_index)
             comparison = self._decide(judged)
             if comparison.needed_factor is None:
@@ -172,6 +173,7 @@ class Check:
             if seeds > len(pictures):
                 more = self._ask_witness(witness, range(len(pictures) + 1, seeds + 1), each)
                 pictures = np.concatenate([pictures, more])
+            round_index += 1
         return Result(self.film, pictures, comparison, each, self._clock.seconds)
 
     @property
