@@ -167,13 +167,13 @@ class DirectLight:
         if not emitter.light.cast_shadow:
             return np.ones(len(lit), dtype=bool), []
         wi, distance, epsilon = sample.wi, sample.distance, surface.epsilon
+        points = surface.point
         if len(lit) < len(distance):
             wi, distance, epsilon = wi.take(lit, axis=0), distance.take(lit), epsilon.take(lit)
-        origins, lifted, lift = self.geometry.shadow_origins(surface, wi, cosine, lit)
-        reach = distance * (1.0 - TARGET_SHORTENING) - epsilon
-        if len(lifted):
-            wi = wi.copy()
-            wi[lifted], reach[lifted] = _aimed(wi[lifted], reach[lifted], lift)
+            points = points.take(lit, axis=0)
+        origins = self.geometry.shadow_origins(surface, wi, cosine, lit)
+        wi, reach = _aimed(wi, distance, origins - points)
+        reach = reach * (1.0 - TARGET_SHORTENING) - epsilon
         seen = ~self.visibility.opaque.occluded(origins, wi, np.maximum(reach, 0.0))
         return seen, self._open(lit, seen, origins, wi, reach)
 
@@ -195,9 +195,11 @@ class DirectLight:
 def _aimed(wi: Floats, reach: Floats, lift: Floats) -> tuple[Floats, Floats]:
     """Return directions and distances to the same targets from origins moved by `lift` (n, 3)."""
     near = np.isfinite(reach)
-    target = wi * np.where(near, reach, 0.0)[:, None] - lift
-    length = np.sqrt(dot(target, target))
-    aimed = target / np.maximum(length, 1e-300)[:, None]
+    if not near.any():
+        return wi, reach
+    target = wi * np.where(near, reach, 1.0)[:, None] - lift
+    length = np.maximum(np.sqrt(dot(target, target)), 1e-300)
+    aimed = target / length[:, None]
     return np.where(near[:, None], aimed, wi), np.where(near, length, np.inf)
 
 

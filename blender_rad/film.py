@@ -74,11 +74,17 @@ class Film:
         return float(np.sqrt(np.mean(ratio[self.inside])))
 
 
-def neighbourhood_mean(values: Image, inside: NDArray[np.bool_]) -> Image:
-    """Return `values` (h, w, ...) averaged over the 3×3 pixels around each, of those `inside`."""
+def neighbourhood_mean(values: Image, inside: NDArray[np.bool_], *, own: bool = True) -> Image:
+    """Return `values` (h, w, ...) averaged over the 3×3 pixels around each, of those `inside`.
+
+    With `own` False a pixel itself does not count, unless it has no neighbours.
+    """
     height, width = inside.shape
     kept = inside.reshape(height, width, *[1] * (values.ndim - 2))
     rim = [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)]
     total, count = np.pad(np.where(kept, values, 0.0), rim), np.pad(kept.astype(float), rim)
-    near = [np.s_[y : y + height, x : x + width] for y in range(3) for x in range(3)]
-    return sum(total[part] for part in near) / np.maximum(sum(count[part] for part in near), 1.0)
+    near = [(y, x) for y in range(3) for x in range(3) if own or (y, x) != (1, 1)]
+    parts = [np.s_[y : y + height, x : x + width] for y, x in near]
+    number = sum(count[part] for part in parts)
+    mean = sum(total[part] for part in parts) / np.maximum(number, 1.0)
+    return np.where(number > 0, mean, values)

@@ -4,7 +4,8 @@
 Every round takes one point of each of `STREAMS` independent low-discrepancy sequences a pixel;
 the spread of the streams gives each pixel's variance. The first rounds go to all pixels. Then, for
 a target error, the samples that remain are shared out as costs least: in proportion to a pixel's
-standard deviation, relative to its signal, smoothed over its neighbours.
+standard deviation, relative to its signal, as its neighbours tell it: were a pixel's own samples
+asked, those that met nothing bright would end it, and the mean would be too dark.
 """
 
 from __future__ import annotations
@@ -168,7 +169,7 @@ class _Run:
             return np.zeros(len(mean), dtype=np.int64), 1.0
         taken = self.sums.taken[:, 0]
         spread = self._framed(ratio.mean(axis=1) * taken)
-        one_round = np.sqrt(neighbourhood_mean(spread, self.inside).reshape(-1)[self.place])
+        one_round = np.sqrt(neighbourhood_mean(spread, self.inside, own=False).reshape(-1)[self.place])
         wanted = one_round * (np.mean(one_round) / error**2)
         wanted = np.clip(np.ceil(wanted), taken, np.minimum(np.ceil(GROWTH * taken), MAX_POINTS))
         share = min(1.0, float(error**2 / np.mean(ratio)))
@@ -334,7 +335,12 @@ class _Run:
         masks: dict[Unsupported, Bools] = {}
         for cause, rows in found:
             masks.setdefault(cause, np.zeros(len(everyone), dtype=bool))[rows] = True
-        return masks
+        return {cause: self._with_rim(mask) for cause, mask in masks.items()}
+
+    def _with_rim(self, mask: Bools) -> Bools:
+        """Return `mask` (n,) and the pixels around it: slivers in them may have been missed."""
+        near = neighbourhood_mean(self._framed(mask.astype(float)), self.inside)
+        return near.reshape(-1)[self.place] > 0.0
 
     def _framed(self, values: NDArray[T]) -> NDArray[T]:
         """Return `values` (n, ...) in the whole frame (h, w, ...), 0 outside the border."""

@@ -159,8 +159,8 @@ class Geometry:
 
     def shadow_origins(
         self, surface: Surface, wi: Floats, cosine: Floats, rows: Ints
-    ) -> tuple[Floats, Ints, Floats]:
-        """Return where shadow rays start, and which starts are lifted by how much.
+    ) -> Floats:
+        """Return where shadow rays start, (k, 3).
 
         Beside the rounding offset along the geometric normal, towards the side that `wi` is on
         (which does as Cycles does when it lets a ray ignore the triangle that it leaves), this is
@@ -172,12 +172,6 @@ class Geometry:
         surface : n points.
         wi : (k, 3) directions towards the light from the points `rows` (k,).
         cosine : (n,) of the directions from the shading normals.
-
-        Returns
-        -------
-        origins : (k, 3).
-        lifted : (j,) which of the k are lifted.
-        lift : (j, 3) [bu] what was added to them.
         """
         point, geometric = surface.point, surface.geometric_normal
         epsilon, instance, smooth = surface.epsilon, surface.instance, surface.smooth
@@ -191,11 +185,10 @@ class Geometry:
         side = np.where(towards < 0.0, -epsilon, epsilon)
         side[lifted] = flip * epsilon.take(lifted)
         origins = point + geometric * side[:, None]
-        if not len(lifted):
-            return origins, lifted, np.zeros((0, 3))
-        lift = self._terminator_lift(surface, rows.take(lifted), flip) * amount[:, None]
-        origins[lifted] += lift
-        return origins, lifted, lift
+        if len(lifted):
+            lift = self._terminator_lift(surface, rows.take(lifted), flip)
+            origins[lifted] += lift * amount[:, None]
+        return origins
 
     def _terminator_lift(self, surface: Surface, rows: Ints, flip: Floats) -> Floats:
         """Return the displacement (k, 3) from the flat triangle to its smooth surface.

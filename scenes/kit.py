@@ -156,7 +156,14 @@ def quad(name: str, width: float, depth: float, material: Any, matrix: Matrix | 
 BOX = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
 
 
-def boxes(name: str, extents: Iterable[Sequence[float]], material: Any, matrix: Any = None) -> Any:
+def boxes(
+    name: str,
+    extents: Iterable[Sequence[float]],
+    material: Any,
+    matrix: Any = None,
+    *,
+    into: Any = None,
+) -> Any:
     """Put one object of boxes, each (x0, y0, z0, x1, y1, z1)."""
     vertices: list[Point] = []
     faces: list[list[int]] = []
@@ -165,7 +172,7 @@ def boxes(name: str, extents: Iterable[Sequence[float]], material: Any, matrix: 
         ring = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
         vertices += [(x, y, z0) for x, y in ring] + [(x, y, z1) for x, y in ring]
         faces += [[first + corner for corner in face] for face in BOX]
-    return mesh(name, vertices, faces, material, matrix)
+    return mesh(name, vertices, faces, material, matrix, into=into)
 
 
 def lathe(
@@ -201,13 +208,15 @@ def aim(position: Point, target: Point) -> Matrix:
     return Matrix.Translation(position) @ turn.to_track_quat('-Z', 'Y').to_matrix().to_4x4()
 
 
-def light(name: str, kind: str, matrix: Matrix, energy: float, **properties: Any) -> Any:
+def light(
+    name: str, kind: str, matrix: Matrix, energy: float, *, into: Any = None, **properties: Any
+) -> Any:
     """Put a light of radiant flux (sun: irradiance) `energy`."""
     data = bpy.data.lights.new(name, kind)
     data.energy = energy
     for key, value in properties.items():
         setattr(data, key, value)
-    return put(name, data, matrix)
+    return put(name, data, matrix, into)
 
 
 def camera(position: Point, target: Point, lens: float) -> Any:

@@ -14,16 +14,18 @@ from __future__ import annotations
 
 import math
 
+import bpy
 import kit
 from mathutils import Matrix
 
 WIDTH, DEPTH, HEIGHT = 6.0, 4.4, 2.8
 TOP = 0.74  # of the desks
 NEUTRAL, WARM, SKY = (1.0, 0.96, 0.9), (1.0, 0.8, 0.55), (0.62, 0.8, 1.0)
-SKY_RADIANCE, DOWNLIGHT_RADIANCE, PANEL_POWER, GLOBE_POWER = 2.6, 60.0, 16.0, 60.0
+SKY_RADIANCE, DOWNLIGHT_RADIANCE, PANEL_POWER, GLOBE_POWER = 0.4, 12.0, 16.0, 60.0
 WINDOW = (0.9, 2.3, 0.7, 3.7)  # z0, z1, y0, y1 in the wall x = 0
 PANELS = [(x, y) for x in (1.5, 3.0, 4.5) for y in (1.3, 3.1)]
 DOWNLIGHTS = [(0.5, 1.2), (0.5, 2.2), (0.5, 3.2)]
+PANEL_HALF = (0.6, 0.15)
 GLOBE = (0.55, 4.0, 1.55)
 DESKS = [(1.7, 3.35), (3.6, 3.35)]
 METERS = [(1.6, 3.15, TOP), (4.2, 3.15, TOP)]  # where no monitor hides window or globe
@@ -101,40 +103,56 @@ def furniture() -> None:
     kit.boxes("Stand", [(0.53, 3.98, 0, 0.57, 4.02, 1.38), (0.4, 3.85, 0, 0.7, 4.15, 0.03)], dark)
 
 
+def rectangle(
+    centre: tuple[float, float], half: tuple[float, float], z: float
+) -> list[kit.Point]:
+    """Return the corners of a level rectangle that faces down."""
+    (x, y), (a, b) = centre, half
+    return [(x - a, y - b, z), (x - a, y + b, z), (x + a, y + b, z), (x + a, y - b, z)]
+
+
+def fitting(name: str, places: list[tuple[float, float]]) -> bpy.types.Collection:
+    """Return a collection that hangs from the ceiling, z = 0, at each of `places`."""
+    made = bpy.data.collections.new(name)
+    for number, (x, y) in enumerate(places, 1):
+        hung = kit.put(f"{name} {number}", None, Matrix.Translation((x, y, HEIGHT)))
+        hung.instance_type, hung.instance_collection = 'COLLECTION', made
+        hung.empty_display_size = 0.1
+    return made
+
+
 def luminaires() -> list[tuple[kit.Point, list[kit.Point]]]:
     """Put the lights; return the polygons among them with their radiance per channel."""
     metal = kit.matte("Metal", (0.6, 0.6, 0.6))
-    shining: list[tuple[kit.Point, list[kit.Point]]] = []
-    for number, (x, y) in enumerate(PANELS, 1):
-        at = Matrix.Translation((x, y, HEIGHT - 0.05))
-        panel = kit.light(
-            f"Panel {number}",
-            'AREA',
-            at,
-            PANEL_POWER,
-            color=NEUTRAL,
-            shape='RECTANGLE',
-            size=1.2,
-            size_y=0.3,
-        )
-        rim = [(-0.64, -0.19, 0.01, 0.64, 0.19, 0.05)]
-        kit.boxes(f"Housing {number}", rim, metal, at)
-        radiance = PANEL_POWER / (math.pi * 1.2 * 0.3)
-        shining.append((tuple(radiance * c for c in NEUTRAL), kit.area_corners(panel)))
+    panel = fitting("Panel light", PANELS)
+    kit.light(
+        "Panel",
+        'AREA',
+        Matrix.Translation((0, 0, -0.05)),
+        PANEL_POWER,
+        into=panel,
+        color=NEUTRAL,
+        shape='RECTANGLE',
+        size=2 * PANEL_HALF[0],
+        size_y=2 * PANEL_HALF[1],
+    )
+    kit.boxes("Housing", [(-0.64, -0.19, -0.04, 0.64, 0.19, 0)], metal, into=panel)
+    radiance = PANEL_POWER / (math.pi * 4 * PANEL_HALF[0] * PANEL_HALF[1])
+    shining = [
+        (tuple(radiance * c for c in NEUTRAL), rectangle(place, PANEL_HALF, HEIGHT - 0.05))
+        for place in PANELS
+    ]
+    down, half, drop = fitting("Downlight fitting", DOWNLIGHTS), (0.18, 0.18), 0.02
     warm = kit.glow("Downlight", WARM, DOWNLIGHT_RADIANCE)
-    for number, (x, y) in enumerate(DOWNLIGHTS, 1):
-        s, z = 0.08, HEIGHT - 0.02
-        corners = [(x - s, y - s, z), (x - s, y + s, z), (x + s, y + s, z), (x + s, y - s, z)]
-        kit.mesh(f"Downlight {number}", corners, [(0, 1, 2, 3)], warm)
-        a, b = s + 0.002, s + 0.03
-        frame = [
-            (-b, -b, z, b, -a, HEIGHT),
-            (-b, a, z, b, b, HEIGHT),
-            (-b, -a, z, -a, a, HEIGHT),
-            (a, -a, z, b, a, HEIGHT),
-        ]
-        kit.boxes(f"Frame {number}", frame, metal, Matrix.Translation((x, y, 0)))
-        shining.append((tuple(DOWNLIGHT_RADIANCE * c for c in WARM), corners))
+    kit.mesh("Downlight", rectangle((0, 0), half, -drop), [(0, 1, 2, 3)], warm, into=down)
+    a, b = 0.19, 0.21
+    sides = [(-b, -b, b, -a), (-b, a, b, b), (-b, -a, -a, a), (a, -a, b, a)]
+    frame = [(x0, y0, -drop, x1, y1, 0) for x0, y0, x1, y1 in sides]
+    kit.boxes("Frame", frame, metal, into=down)
+    shining += [
+        (tuple(DOWNLIGHT_RADIANCE * c for c in WARM), rectangle(place, half, HEIGHT - drop))
+        for place in DOWNLIGHTS
+    ]
     kit.light(
         "Globe",
         'POINT',

@@ -153,18 +153,18 @@ def test_unsupported_surface_is_excluded_with_what_it_may_shade() -> None:
     known = render(replace(made, instances=(floor,)), Settings(samples=256))
     shaded = render(replace(made, materials=(GREY, GREY)), Settings(samples=64))
     free = ~film.excluded
-    assert 0.2 < free.mean() < 0.9
+    assert 0.1 < free.mean() < 0.9
     np.testing.assert_allclose(film.radiance[free], known.radiance[free], rtol=0.05)
     differs = np.abs(shaded.radiance / known.radiance - 1).max(axis=-1) > 0.05
     assert not (differs & free).any()
 
 
 def test_unknown_light_and_world_exclude_what_they_reach() -> None:
-    mystery = PointLight(name="mystery", rgb=np.ones(3), position=np.array([0.0, 0.0, 9.0]))
+    mystery = PointLight(name="mystery", rgb=np.ones(3), position=np.array([4.0, 0.0, 1.0]))
     made = balls(unknown_lights=(mystery,))
     film = render(made, Settings(samples=16))
     assert film.excluded_by == {Unsupported("light", "mystery", "emission"): film.excluded.sum()}
-    assert 0.5 < film.excluded.mean() < 1.0  # below the balls it is dark
+    assert 0.5 < film.excluded.mean() < 1.0  # behind the balls it is dark
     sky = Unsupported("world", "World", "TexSky")
     film = render(balls(world=World(known=False, unsupported=(sky,))), Settings(samples=16))
     assert film.excluded.all()
