@@ -169,7 +169,8 @@ class _Run:
             return np.zeros(len(mean), dtype=np.int64), 1.0
         taken = self.sums.taken[:, 0]
         spread = self._framed(ratio.mean(axis=1) * taken)
-        one_round = np.sqrt(neighbourhood_mean(spread, self.inside, own=False).reshape(-1)[self.place])
+        near = neighbourhood_mean(spread, self.inside, own=False)
+        one_round = np.sqrt(near.reshape(-1)[self.place])
         wanted = one_round * (np.mean(one_round) / error**2)
         wanted = np.clip(np.ceil(wanted), taken, np.minimum(np.ceil(GROWTH * taken), MAX_POINTS))
         share = min(1.0, float(error**2 / np.mean(ratio)))
