@@ -100,7 +100,7 @@ def furniture() -> None:
         ]
         kit.boxes(f"Books {tone + 1}", books, kit.matte(f"Book {tone + 1}", colour))
     kit.boxes("Rug", [(1.0, 0.9, 0, 4.3, 2.2, 0.012)], kit.matte("Rug", (0.5, 0.16, 0.14)))
-    kit.boxes("Stand", [(0.53, 3.98, 0, 0.57, 4.02, 1.38), (0.4, 3.85, 0, 0.7, 4.15, 0.03)], dark)
+    kit.boxes("Stand", [(0.53, 3.98, 0, 0.57, 4.02, 1.3), (0.4, 3.85, 0, 0.7, 4.15, 0.03)], dark)
 
 
 def rectangle(
