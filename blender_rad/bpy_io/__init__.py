@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import atexit
+import ctypes
+import os
 
 from .interrupt import interrupt_later
 from .quiet import quiet_stdout, silence_exit
@@ -13,9 +15,15 @@ with interrupt_later(), quiet_stdout():  # as a Python package it greets
 
 
 def _leave() -> None:
-    """Leave nothing in Blender: 4.5 hangs at exit on a driver that it kept from running."""
+    """Leave by `_exit`, with the same status: before that, Blender 4.5 may wait for ever.
+
+    Among its static objects is a condition variable on which a thread of its own still waits where
+    something kept the module alive to the end, and glibc waits for that thread.
+    """
     silence_exit()
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    libc = ctypes.CDLL(None) if os.name == "posix" else None
+    if hasattr(libc, "on_exit"):  # glibc alone: handlers (status, argument), the last one first
+        libc.on_exit(libc._exit, None)
 
 
 if bpy.app.module:
