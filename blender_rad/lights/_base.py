@@ -11,12 +11,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..registry import Registry
+
+if TYPE_CHECKING:
+    from ._distribution import Distribution
 
 Array = NDArray[np.float64]
 Model = Literal["cycles", "physical"]
@@ -82,6 +85,7 @@ class Light(ABC):
     visible_camera : whether camera rays see it.
     notes : kebab-case codes of what a user should know of this light, such as ``area-sheared``;
         each is explained in the module of its kind.
+    distribution : factor on the radiance by direction (IES), for point, spot and area lights.
     """
 
     kind: ClassVar[str]
@@ -90,6 +94,13 @@ class Light(ABC):
     cast_shadow: bool = True
     visible_camera: bool = False
     notes: tuple[str, ...] = ()
+    distribution: Distribution | None = None
+
+    def _pattern(self, directions: Array) -> Array:
+        """Return the distribution's factor (n,) on rays that arrive from `directions`."""
+        if self.distribution is None:
+            return np.ones(len(directions))
+        return self.distribution.factor(-directions)
 
     @property
     def is_delta(self) -> bool:
@@ -122,6 +133,13 @@ class Light(ABC):
 
         Areas count in bu²: times unit_scale_m² it is in W, in both models.
         """
+
+    def peak_radiant_intensity(self) -> Array:
+        """Return the greatest intensity (3,) far away, in the unit of `radiant_flux` over sr.
+
+        nan where it has no meaning, inf for a parallel beam.
+        """
+        return np.full(3, np.nan)
 
     @classmethod
     def from_record(cls, record: LightRecord, model: Model) -> Light | None:

@@ -143,7 +143,8 @@ class AreaLight(Light):
         if self.is_delta:
             return super().intersect(origins, directions)
         distance, cos, hit = self._hit(origins, directions)
-        return np.where(hit, distance, np.inf), np.where(hit, self._radiance(cos), 0.0)
+        radiance = self._radiance(cos) * self._pattern(directions)
+        return np.where(hit, distance, np.inf), np.where(hit, radiance, 0.0)
 
     def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
         offset = self.center - points
@@ -162,7 +163,7 @@ class AreaLight(Light):
         lit = height > 0.0
         if self.ellipse:
             lit &= ~seen | self._within(position - offset)
-        weight = np.where(lit, self._radiance(cos) * solid_angle, 0.0)
+        weight = np.where(lit, self._radiance(cos) * solid_angle, 0.0) * self._pattern(wi)
         return LightSample(wi, distance, weight, 1.0 / np.maximum(solid_angle, geometry.TINY))
 
     def _beam(self, offset: Array, height: Array) -> LightSample:
@@ -170,7 +171,8 @@ class AreaLight(Light):
         n = len(offset)
         wi = np.broadcast_to(-self.direction, (n, 3)).copy()
         inside = (height > 0.0) & self._within(height[:, None] * wi - offset)
-        return LightSample(wi, height, np.where(inside, 1.0 / self.area, 0.0), np.full(n, np.inf))
+        weight = np.where(inside, 1.0 / self.area, 0.0) * self._pattern(wi)
+        return LightSample(wi, height, weight, np.full(n, np.inf))
 
     def _sample_area(self, u: Array) -> Array:
         """Return offsets (n, 3) from the centre, uniform in the outline."""
@@ -216,7 +218,7 @@ class AreaLight(Light):
         if self.is_delta:
             beam = self.sample(points, normals, np.zeros((len(points), 2)))
             return beam.weight * np.maximum(geometry.dot(beam.wi, normals), 0.0)
-        if self.spread < FULL_SPREAD or self.as_cycles:
+        if self.spread < FULL_SPREAD or self.as_cycles or self.distribution is not None:
             return None
         if self.ellipse:
             return self._ellipse_irradiance(points, normals)
@@ -241,10 +243,26 @@ class AreaLight(Light):
         return result / (np.pi * self.area)
 
     def radiant_flux(self) -> Array:
-        if self.is_delta or self.spread >= FULL_SPREAD:
+        if self.distribution is not None and not self.is_delta:
+            return self.rgb * self.distribution.flux_and_peak(self._intensity)[0]
+        if self.is_delta:
+            return self.rgb * self._pattern(-self.direction[None])
+        if self.spread >= FULL_SPREAD:
             return self.rgb
         h = 0.5 * self.spread
         return self.rgb * ((np.tan(h) - h) / self._divisor)
+
+    def peak_radiant_intensity(self) -> Array:
+        if self.is_delta:
+            return np.where(self.rgb == 0.0, 0.0, np.copysign(np.inf, self.rgb))
+        if self.distribution is None:
+            return self.rgb * self._intensity(self.direction[None])
+        return self.rgb * self.distribution.flux_and_peak(self._intensity)[1]
+
+    def _intensity(self, leaving: Array) -> Array:
+        """Return the intensity (n,) over `rgb` [1/sr] far away."""
+        cos = leaving @ self.direction
+        return self._radiance(cos) * np.maximum(cos, 0.0) * self.area * self._pattern(-leaving)
 
     @classmethod
     def from_record(cls, record: LightRecord, model: Model) -> AreaLight | None:

@@ -65,7 +65,7 @@ class PointLight(Light):
 
     def _falloff(self, directions: Array, inside: Mask) -> Array:
         """Return the factor (n,) on rays that arrive from `directions`; a spot has a cone."""
-        return np.ones(len(directions))
+        return self._pattern(directions)
 
     def _cap(self, squared: Array) -> Array:
         """Return sin² (n,) of the half angle under which it is seen from a squared distance."""
@@ -101,6 +101,8 @@ class PointLight(Light):
         inside = self._inside(squared)
         if self.is_delta:
             return self._radiance * np.maximum(cos, 0.0) / squared * self._falloff(axis, inside)
+        if self.distribution is not None:
+            return None
         result = geometry.cap_irradiance(cos, self._cap(squared))
         result[inside] = np.pi
         return self._radiance * result
@@ -125,7 +127,18 @@ class PointLight(Light):
         return np.where(hit, distance, np.inf), np.where(hit, radiance, 0.0)
 
     def radiant_flux(self) -> Array:
-        return self.rgb
+        if self.distribution is None:
+            return self.rgb
+        return self.rgb * self.distribution.flux_and_peak(self._intensity)[0]
+
+    def peak_radiant_intensity(self) -> Array:
+        if self.distribution is None:
+            return self.rgb / (4.0 * np.pi)
+        return self.rgb * self.distribution.flux_and_peak(self._intensity)[1]
+
+    def _intensity(self, leaving: Array) -> Array:
+        """Return the intensity (n,) over `rgb` [1/sr] far away."""
+        return self._falloff(-leaving, np.zeros(len(leaving), dtype=bool)) / (4.0 * np.pi)
 
     @classmethod
     def from_record(cls, record: LightRecord, model: Model) -> PointLight | None:

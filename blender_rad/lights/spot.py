@@ -86,7 +86,8 @@ class SpotLight(PointLight):
     def _falloff(self, directions: Array, inside: Mask) -> Array:
         local = directions @ self.light_from_world.T
         length = np.sqrt(np.maximum(geometry.dot(local, local), geometry.TINY))
-        return np.where(inside, 1.0, self._ramp(local[:, 2] / length))
+        ramp = np.where(inside, 1.0, self._ramp(local[:, 2] / length))
+        return ramp * super()._falloff(directions, inside)
 
     def _cone(self, axis: Array, squared: Array) -> tuple[Array, Array]:
         """Return the smaller of the cone that holds the ball and the cone of the spot's rays."""
@@ -114,6 +115,8 @@ class SpotLight(PointLight):
         return np.where(lit, whole, np.where(dark, 0.0, np.nan))
 
     def radiant_flux(self) -> Array:
+        if self.distribution is not None:
+            return super().radiant_flux()
         nodes, weights = cast(
             "tuple[Array, Array]",
             np.polynomial.legendre.leggauss(64),  # pyright: ignore[reportUnknownMemberType]
