@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from .errors import Finding
 from .lights import Light, Model
+from .working_space import REC709, luminance_weights
 
 CLAY_ALBEDO = 0.8
-REC709_LUMINANCE = (0.2126390058715104, 0.7151686787677559, 0.0721923153607337)
 
 
 @dataclass(frozen=True)
@@ -185,8 +185,8 @@ class Scene:
     model: Model = "cycles"
     shading: Literal["full", "clay"] = "full"
     working_space: str = "Linear Rec.709"
-    chromaticities: tuple[float, ...] = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-    luminance_weights: tuple[float, float, float] = REC709_LUMINANCE
+    chromaticities: tuple[float, ...] = REC709
+    luminance_weights: tuple[float, float, float] = luminance_weights(REC709)
     blender_version: tuple[int, int, int] = (0, 0, 0)
     unknown_lights: tuple[Light, ...] = ()
     unsupported: tuple[Unsupported, ...] = ()

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,36 +12,14 @@ import numpy as np
 
 from ..errors import Finding, RadError
 from ..lights import Model
-from ..scene import REC709_LUMINANCE, Scene
+from ..scene import Scene
+from ..working_space import WORKING_SPACES, luminance_weights
 from .cameras import read_camera
 from .instances import Reader, blender_version
 from .materials import Shading
 from .open import SOURCE_KEY, file_findings
 from .session import in_render
 from .world import read_world
-
-
-@dataclass(frozen=True)
-class WorkingSpace:
-    """Chromaticities (xr, yr, xg, yg, xb, yb, xw, yw) and luminance weights of RGB triples."""
-
-    chromaticities: tuple[float, ...]
-    luminance_weights: tuple[float, float, float]
-
-
-_D65 = (0.3127, 0.3290)
-_ACES_WHITE = (0.32168, 0.33767)
-WORKING_SPACES = {
-    "Linear Rec.709": WorkingSpace((0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_D65), REC709_LUMINANCE),
-    "Linear Rec.2020": WorkingSpace(
-        (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *_D65),
-        (0.2627002120112671, 0.6779980715188708, 0.05930171646986194),
-    ),
-    "ACEScg": WorkingSpace(
-        (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, *_ACES_WHITE),
-        (0.2722287168, 0.6740817658, 0.0536895174),
-    ),
-}
 
 
 def read_scene(
@@ -105,8 +82,8 @@ def read_depsgraph(
         model=model,
         shading=shading,
         working_space=space,
-        chromaticities=WORKING_SPACES[space].chromaticities,
-        luminance_weights=WORKING_SPACES[space].luminance_weights,
+        chromaticities=WORKING_SPACES[space],
+        luminance_weights=luminance_weights(WORKING_SPACES[space]),
         blender_version=blender_version(),
         unknown_lights=tuple(reader.unknown_lights),
         unsupported=(

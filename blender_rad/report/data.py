@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film import Image
-
-REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+from ..working_space import REC709
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class ReportData:
     variance_witness: Image | None
     luminance_weights: tuple[float, float, float]
     efficacy_lm_W: float  # noqa: N815 - the unit's own spelling
-    chromaticities: tuple[float, ...] = REC709_CHROMATICITIES
+    chromaticities: tuple[float, ...] = REC709
     witness_name: str = "Cycles"
     tiles: NDArray[np.int8] | None = None
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film import Image
-from .data import REC709_CHROMATICITIES, ReportData
+from ..working_space import rec709_from_working
+from .data import ReportData
 from .difference import Difference, pool
 
 MAX_WIDTH = 1000  # of what is shrunk for the file's size [px]
@@ -20,9 +21,6 @@ SHARP_WIDTH = 640  # pictures below are shown with hard pixels [px]
 WHITE_PERCENTILE = 98.0
 NICE = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 COLOURS = "RdBu_r"
-BRADFORD = np.array(  # cone responses from XYZ
-    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
-)
 HATCH = ((70, 70, 70, 255), (205, 205, 205, 255))  # line and gap, RGBA
 HATCHES = 80  # lines across the picture
 
@@ -54,26 +52,6 @@ def white_luminance(data: ReportData) -> float:
     lit = data.luminance(data.ours)[data.inside]
     lit = lit[lit > 0]
     return nice_above(float(np.percentile(lit, WHITE_PERCENTILE))) if lit.size else 1.0
-
-
-def _xyz_from_rgb(chromaticities: tuple[float, ...]) -> Image:
-    """Return the matrix (3, 3) whose columns are the primaries, adding up to white with Y = 1."""
-    x, y = np.reshape(chromaticities, (4, 2)).T
-    colours = np.stack([x / y, np.ones(4), (1 - x - y) / y])
-    primaries, white = colours[:, :3], colours[:, 3]
-    return primaries * np.linalg.solve(primaries, white)
-
-
-def rec709_from_working(chromaticities: tuple[float, ...]) -> Image:
-    """Return the matrix (3, 3) from the working space to linear Rec.709, white to white.
-
-    Whites are adapted by Bradford's transform.
-    """
-    source, target = _xyz_from_rgb(chromaticities), _xyz_from_rgb(REC709_CHROMATICITIES)
-    ones = np.ones(3)
-    cones = np.diag((BRADFORD @ target @ ones) / (BRADFORD @ source @ ones))
-    adapt = np.linalg.solve(BRADFORD, cones @ BRADFORD)
-    return np.linalg.solve(target, adapt @ source)
 
 
 def srgb(radiance: Image, white: float, matrix: Image) -> NDArray[np.uint8]:

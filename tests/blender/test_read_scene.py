@@ -419,28 +419,6 @@ def test_working_space() -> None:
     assert sum(scene.luminance_weights) == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.filterwarnings("ignore:.*related API features are not available")
-@pytest.mark.parametrize(
-    ("name", "published"),
-    [
-        ("Linear Rec.709", "ITU-R BT.709"),
-        ("Linear Rec.2020", "ITU-R BT.2020"),
-        ("ACEScg", "ACEScg"),
-    ],
-)
-def test_luminance_weights_follow_from_the_chromaticities(name: str, published: str) -> None:
-    import colour
-
-    from blender_rad.bpy_io.read import WORKING_SPACES
-
-    space = colour.RGB_COLOURSPACES[published]
-    found = WORKING_SPACES[name]
-    corners = [*space.primaries.reshape(-1), *space.whitepoint]
-    np.testing.assert_allclose(found.chromaticities, corners, atol=1e-5)
-    xyz = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
-    np.testing.assert_allclose(found.luminance_weights, xyz[1], atol=2e-6)
-
-
 def test_sheared_area_lights_are_a_finding() -> None:
     host = bpy.data.objects.new("Host", None)
     host.scale = (1, 3, 1)
