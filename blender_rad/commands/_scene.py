@@ -63,14 +63,21 @@ class SceneCommand(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PictureCommand(SceneCommand):
-    """A verb that makes a picture of a scene.
+class EngineCommand(SceneCommand):
+    """A verb that works out the light of a scene; with `threads` None on all processors."""
 
-    Attributes
-    ----------
-    resolution : (width, height) in pixels; None means the file's.
-    threads : None means all processors.
-    """
+    model: Literal["cycles", "physical"] = option(
+        values.choice("cycles", "physical"),
+        "what lights mean: what Cycles makes of them, or what their units say (default: cycles)",
+        default="cycles",
+        metavar="cycles|physical",
+    )
+    threads: int | None = option(values.integer(1), "processors to use (default: all)", metavar="N")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureCommand(EngineCommand):
+    """A verb that makes a picture of a scene, of the file's resolution where that is None."""
 
     resolution: tuple[int, int] | None = option(
         values.resolution, "pixels (default: the file's)", metavar="WxH"
@@ -81,13 +88,6 @@ class PictureCommand(SceneCommand):
         default="full",
         metavar="full|clay",
     )
-    model: Literal["cycles", "physical"] = option(
-        values.choice("cycles", "physical"),
-        "what lights mean: what Cycles makes of them, or what their units say (default: cycles)",
-        default="cycles",
-        metavar="cycles|physical",
-    )
-    threads: int | None = option(values.integer(1), "processors to use (default: all)", metavar="N")
 
     def read(self, frame: int | None, *, need_camera: bool) -> tuple[Any, Scene]:
         """Open the file and return its bpy.types.Scene, and what we read from it."""

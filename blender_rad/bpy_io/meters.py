@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects as meters: where they stand and where they look."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import RadError, unknown_name
+from .arrays import floats, matrix
+
+Floats = NDArray[np.float64]
+MARK = "meter"  # how an empty's name begins, or a custom property of any object
+
+
+def marked_meters(bl_scene: Any) -> list[str]:
+    """Return the names of the objects that are marked as meters."""
+    return sorted(o.name for o in bl_scene.objects if _is_marked(o))
+
+
+def meter_places(bl_scene: Any, names: tuple[str, ...]) -> tuple[Floats, Floats]:
+    """Return origins (n, 3) [bu] and unit local +Z axes (n, 3) of objects, in the world."""
+    found = [_find(bl_scene, name, "meter", _is_likely) for name in names]
+    worlds = _worlds(bl_scene, found)
+    return worlds[:, :3, 3], np.array([_axis(w, o) for w, o in zip(worlds, found, strict=True)])
+
+
+def rectangle(bl_scene: Any, name: str) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return a corner [bu], two edges [bu] and the unit +Z axis (3,) of a mesh's XY rectangle.
+
+    It lies at the mesh's highest local Z; modifiers do not count.
+    """
+    found = _find(bl_scene, name, "grid", lambda o: o.type == "MESH")
+    if found.type != "MESH" or not len(found.data.vertices):
+        raise RadError("not a rectangle", f"--grid {name}", "expected a mesh with vertices")
+    points = floats(found.data.vertices, "co", 3).astype(np.float64)
+    (x0, y0, _), (x1, y1, z) = points.min(axis=0), points.max(axis=0)
+    world = _worlds(bl_scene, [found])[0]
+    corner = world[:3, :3] @ (x0, y0, z) + world[:3, 3]
+    return corner, world[:3, 0] * (x1 - x0), world[:3, 1] * (y1 - y0), _axis(world, found)
+
+
+def _is_marked(bl_object: Any) -> bool:
+    named = bl_object.type == "EMPTY" and bl_object.name.lower().startswith(MARK)
+    return named or MARK in bl_object
+
+
+def _is_likely(bl_object: Any) -> bool:
+    return bl_object.type == "EMPTY" or _is_marked(bl_object)
+
+
+def _find(bl_scene: Any, name: str, kind: str, likely: Callable[[Any], bool]) -> Any:
+    """Return an object by name; where it is unknown, name the likely ones."""
+    for found in bl_scene.objects:
+        if found.name == name:
+            return found
+    chosen = [o.name for o in bl_scene.objects if likely(o)]
+    where = f"scene {bl_scene.name!r}"
+    raise unknown_name(kind, name, where, chosen or [o.name for o in bl_scene.objects])
+
+
+def _axis(world: Floats, bl_object: Any) -> Floats:
+    length = np.linalg.norm(world[:3, 2])
+    if not (np.isfinite(world).all() and length > 0.0):
+        raise RadError("looks nowhere", f"object {bl_object.name!r}", "expected a scale above 0")
+    return np.asarray(world[:3, 2] / length)
+
+
+def _worlds(bl_scene: Any, objects: list[Any]) -> Floats:
+    """Return the world matrices (n, 4, 4) [bu] of objects.
+
+    Blender evaluates no hidden objects, and what stands in excluded collections: their matrices
+    are stale. So each is followed by a probe that copies its place, and these are asked.
+    """
+    probes: list[Any] = []
+    try:
+        for target in objects:
+            probe: Any = bpy.data.objects.new("probe", None)
+            probes.append(probe)
+            bl_scene.collection.objects.link(probe)
+            probe.constraints.new("COPY_TRANSFORMS").target = target
+        layer = bl_scene.view_layers[0]
+        layer.update()
+        found = [matrix(probe.evaluated_get(layer.depsgraph).matrix_world) for probe in probes]
+    finally:
+        for probe in probes:
+            bpy.data.objects.remove(probe)
+    return np.array(found).reshape(-1, 4, 4)

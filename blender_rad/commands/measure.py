@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``measure``: lux meters, grids of them, and luminance meters."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from ..errors import Finding, RadError
+from . import _values as values
+from ._base import Outcome, option
+from ._meters import MeterCommand
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ..meters import Grid, LuxMeter, Readings
+
+    Floats = NDArray[np.float64]
+    Point = tuple[float, ...]
+
+UP = (0.0, 0.0, 1.0)
+MANY = 1_000_000  # shares of lights in a document
+LEFT_OUT = (
+    "shares-left-out", "info", "", "too many to list by meter and light; the grid has averages"
+)
+PLAN = 12, 24  # columns and rows of a grid that is shown as a table
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureOptions(MeterCommand, verb="measure"):
+    """Read lux meters, grids of them, or luminance meters, with the share of each light.
+
+    Without a place, all meters that the file marks are read: empties whose names begin with
+    "Meter", and objects with a custom property "meter". They look along their local +Z.
+
+    Attributes
+    ----------
+    at, normal : points [m] and where they look, as many of one as of the other; up without.
+    plane : x0, y0, z, x1, y1 [m], looking up.
+    spacing, margin : between cell centres, and from the edges of a grid [m].
+    maintenance_factor : of all lights; every reading is times it.
+    target_average, target_uniformity : least E_avg [lx] and U0 of a grid; the exit code
+        is 1 where one is missed.
+    from_, towards : where luminance meters are, and a point that each looks at [m].
+    """
+
+    at: tuple[tuple[float, ...], ...] = option(
+        values.vector(3), "where a meter is, in metres", metavar="X,Y,Z", several=True
+    )
+    normal: tuple[tuple[float, ...], ...] = option(
+        values.vector(3), "where it looks (default: up)", metavar="X,Y,Z", several=True
+    )
+    meter: tuple[str, ...] = option(
+        values.text, "an object as a meter: its origin and local +Z", metavar="OBJECT", several=True
+    )
+    grid: str | None = option(
+        values.text, "a mesh whose local XY rectangle is covered with meters", metavar="OBJECT"
+    )
+    plane: tuple[float, float, float, float, float] | None = option(
+        values.vector(5), "a rectangle of meters that look up", metavar="X0,Y0,Z,X1,Y1"
+    )
+    spacing: float | None = option(values.number(0), "between meters of a grid", metavar="M")
+    margin: float = option(
+        values.number(), "from a grid's edges, such as walls (default: 0)", default=0.0, metavar="M"
+    )
+    maintenance_factor: float = option(
+        values.number(0), "what ageing leaves of the light (default: 1)", default=1.0, metavar="F"
+    )
+    target_average: float | None = option(
+        values.number(0), "least average illuminance of the grid", metavar="LX"
+    )
+    target_uniformity: float | None = option(
+        values.number(0, 1), "least U0 (minimum over average) of the grid", metavar="U0"
+    )
+    quantity: Literal["irradiance", "radiance"] = option(
+        values.choice("irradiance", "radiance"),
+        "irradiance: lux meters; radiance: luminance meters (default: irradiance)",
+        default="irradiance",
+        metavar="irradiance|radiance",
+    )
+    from_: tuple[tuple[float, ...], ...] = option(
+        values.vector(3), "where a luminance meter is", metavar="X,Y,Z", several=True
+    )
+    towards: tuple[tuple[float, ...], ...] = option(
+        values.vector(3), "a point that it looks at", metavar="X,Y,Z", several=True
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.exclude("at", "meter", "grid", "plane", "from_")
+        self.require("normal", "at")
+        for name in ("margin", "target_average", "target_uniformity"):
+            self.require(name, "spacing")
+        if (self.spacing is None) != (self.grid is None and self.plane is None):
+            raise RadError("grids need both", "--spacing", "expected --grid or --plane with it")
+        if (self.quantity == "radiance") != bool(self.from_):
+            expected = "expected --quantity radiance --from X,Y,Z --towards X,Y,Z"
+            raise RadError("a luminance meter needs a place", "--quantity", expected)
+        if self.normal:
+            _pairs(self.at, self.normal, "--at and --normal")
+        _pairs(self.from_, self.towards, "--from and --towards")
+        if (0.0, 0.0, 0.0) in self.normal:
+            raise RadError("looks nowhere", "--normal", "expected a vector that is not 0")
+        if self.margin < 0.0:
+            raise RadError("a margin below 0", "--margin", "expected 0 m or more")
+        if any(a == b for a, b in zip(self.from_, self.towards, strict=True)):
+            raise RadError("looks nowhere", "--towards", "expected another point than --from")
+
+    def run(self) -> Outcome:
+        from ..bpy_io.read import read_scene
+
+        bl_scene, meter = self.lux_meter()
+        other = read_scene(bl_scene, model="physical" if self.model == "cycles" else "cycles")
+        alike = pickle.dumps(other.lights) == pickle.dumps(meter.scene.lights)
+        twin = meter if alike else meter.in_model_of(other)
+        document: dict[str, Any] = {
+            "meters": [],
+            "grid": None,
+            "efficacy_lm_W": self.efficacy,
+            "model": self.model,
+            "maintenance_factor": self.maintenance_factor,
+            "findings": self.scene_findings(meter),
+        }
+        if self.quantity == "radiance":
+            pairs = zip(self.from_, self.towards, strict=True)
+            document["meters"] = [self._luminance(meter, twin, *p, document) for p in pairs]
+            if len(self.from_) == 1:
+                document |= document["meters"][0]
+        else:
+            self._lux(bl_scene, meter, twin, document)
+        missed = document["grid"] and not document["grid"]["targets"].get("pass", True)
+        return Outcome(document, _text(document), int(bool(missed)))
+
+    def _luminance(
+        self, meter: LuxMeter, twin: LuxMeter, place: Point, target: Point, document: dict[str, Any]
+    ) -> dict[str, Any]:
+        import numpy as np
+
+        start, end = np.array(place), np.array(target)
+        weights = self.maintenance_factor * meter.weights
+        seen = meter.look(start, end)
+        theirs = seen if twin is meter else twin.look(start, end)
+        document["findings"] += seen.findings()
+        return {
+            "position_m": place,
+            "direction": (end - start) / np.linalg.norm(end - start),
+            "radiance_W_m2_sr": self.maintenance_factor * seen.radiance,
+            "luminance_cd_m2": float(seen.radiance @ weights),
+            "standard_error_cd_m2": seen.standard_error(weights),
+            "other_model_luminance_cd_m2": float(theirs.radiance @ weights),
+            "lights": [
+                {"name": name, "luminance_cd_m2": float(rgb @ weights)}
+                for name, rgb in seen.lights.items()
+            ],
+        }
+
+    def _lux(
+        self, bl_scene: Any, meter: LuxMeter, twin: LuxMeter, document: dict[str, Any]
+    ) -> None:
+        """Read the lux meters into the document."""
+        from ..progress import bar
+
+        scale, factor = meter.scene.unit_scale_m, self.maintenance_factor
+        grid = self._grid(bl_scene, scale)
+        names, points, normals = self._places(bl_scene, scale, grid)
+        with bar("measure") as progress:
+            own = meter.read(points, normals, progress).times(factor)
+        other = own
+        if twin is not meter:
+            with bar("measure, other model") as progress:
+                other = twin.read(points, normals, progress).times(factor)
+        document["findings"] += own.findings()
+        if own.lights.size <= MANY:
+            shares = [named(meter.names, row, "illuminance_lx") for row in own.lights.tolist()]
+        else:
+            shares = [[]] * len(points)
+            document["findings"].append(Finding(*LEFT_OUT))
+        columns: dict[str, Iterable[Any]] = {
+            **({"name": names} if names else {}),
+            "position_m": points.tolist(),
+            "normal": normals.tolist(),
+            "irradiance_W_m2": own.irradiance.tolist(),
+            "illuminance_lx": own.illuminance.tolist(),
+            "standard_error_lx": own.standard_error.tolist(),
+            "other_model_illuminance_lx": other.illuminance.tolist(),
+            "lights": shares,
+        }
+        rows = zip(*columns.values(), strict=True)
+        document["meters"] = [dict(zip(columns, row, strict=True)) for row in rows]
+        if grid:
+            document["grid"] = self._figures(grid[0], own, meter.names)
+
+    def _grid(self, bl_scene: Any, scale: float) -> tuple[Grid, Floats] | None:
+        """Return the grid and where it looks (3,), None where single points are asked for."""
+        import numpy as np
+
+        from ..bpy_io.meters import rectangle
+        from ..meters import grid
+
+        if self.spacing is None:
+            return None
+        if self.plane is None:
+            corner, u, v, axis = rectangle(bl_scene, str(self.grid))
+            return grid(scale * corner, scale * u, scale * v, self.spacing, self.margin), axis
+        x0, y0, z, x1, y1 = self.plane
+        corner = np.array([min(x0, x1), min(y0, y1), z])
+        u, v = np.array([abs(x1 - x0), 0.0, 0.0]), np.array([0.0, abs(y1 - y0), 0.0])
+        return grid(corner, u, v, self.spacing, self.margin), np.array(UP)
+
+    def _places(
+        self, bl_scene: Any, scale: float, grid: tuple[Grid, Floats] | None
+    ) -> tuple[tuple[str, ...], Floats, Floats]:
+        """Return names (none for bare points), positions (n, 3) [m] and unit normals (n, 3)."""
+        import numpy as np
+
+        from ..bpy_io.meters import marked_meters, meter_places
+
+        if grid:
+            return (), grid[0].points, np.broadcast_to(grid[1], grid[0].points.shape)
+        if self.at:
+            normals = np.array(self.normal or (UP,) * len(self.at))
+            return (), np.array(self.at), normals / np.linalg.norm(normals, axis=1)[:, None]
+        names = self.meter or tuple(marked_meters(bl_scene))
+        if not names:
+            expected = "expected --at, --meter, --grid or --plane, or an empty named Meter"
+            raise RadError("no meter", str(self.file), expected)
+        points, normals = meter_places(bl_scene, names)
+        return names, scale * points, normals
+
+    def _figures(self, grid: Grid, own: Readings, names: list[str]) -> dict[str, Any]:
+        """Return what a lighting designer asks of a grid."""
+        lux = own.illuminance
+        average, low, high = float(lux.mean()), float(lux.min()), float(lux.max())
+        figures: dict[str, Any] = {
+            "average_lx": average,
+            "minimum_lx": low,
+            "maximum_lx": high,
+            "uniformity_U0": low / average if average else None,
+            "uniformity_Ud": low / high if high else None,
+            "rows": grid.rows,
+            "columns": grid.columns,
+            "spacing_m": self.spacing,
+            "margin_m": self.margin,
+            "lights": named(names, own.lights.mean(axis=0).tolist(), "average_lx"),
+        }
+        asked = {"average_lx": self.target_average, "uniformity_U0": self.target_uniformity}
+        targets: dict[str, Any] = {k: least for k, least in asked.items() if least is not None}
+        if targets:
+            targets["pass"] = all((figures[k] or 0.0) >= v for k, v in targets.items())
+        return figures | {"targets": targets}
+
+
+def named(names: list[str], values: list[float], key: str) -> list[dict[str, Any]]:
+    """Return a row for each light, its value under `key`."""
+    return [{"name": name, key: value} for name, value in zip(names, values, strict=True)]
+
+
+def _pairs(first: tuple[Any, ...], second: tuple[Any, ...], where: str) -> None:
+    if len(first) != len(second):
+        raise RadError("these go in pairs", where, "expected as many of one as of the other")
+
+
+def _text(document: dict[str, Any]) -> str:
+    """Return a table for people."""
+    lines = [f"{f.severity}: {f.object} {f.message}" for f in document["findings"]]
+    grid, meters = document["grid"], document["meters"]
+    return "\n".join([*lines, *(_grid_lines(grid, meters) if grid else _meter_lines(meters))])
+
+
+def _meter_lines(meters: list[dict[str, Any]]) -> list[str]:
+    lux = "illuminance_lx" in meters[0]
+    key, unit = ("illuminance_lx", "lx") if lux else ("luminance_cd_m2", "cd/m²")
+    lines: list[str] = []
+    for row in meters:
+        place = ", ".join(f"{x:.3f}" for x in row["position_m"])
+        value, other = row[key], row[f"other_model_{key}"]
+        error = row["standard_error_" + key.partition("_")[2]]
+        lines.append(f"{row.get('name', '')} ({place}) m: {value:.5g} ± {error:.2g} {unit}".strip())
+        lines += [f"  {light['name']}: {light[key]:.5g} {unit}" for light in row["lights"]]
+        if abs(other - value) > 1e-6 * abs(value):
+            lines.append(f"  all, in the other model: {other:.5g} {unit}")
+    return lines
+
+
+def _grid_lines(grid: dict[str, Any], meters: list[dict[str, Any]]) -> list[str]:
+    columns, rows = grid["columns"], grid["rows"]
+    lines = [f"{columns} × {rows} meters, {grid['spacing_m']:g} m apart"]
+    if columns <= PLAN[0] and rows <= PLAN[1]:
+        lux = [f"{row['illuminance_lx']:7.5g}" for row in meters]
+        lines += [" ".join(lux[k * columns : (k + 1) * columns]) for k in reversed(range(rows))]
+    lines += [
+        f"{name} {grid[key]:.5g} lx"
+        for name, key in (
+            ("E_avg", "average_lx"), ("E_min", "minimum_lx"), ("E_max", "maximum_lx"),
+        )
+    ]
+    lines += [
+        f"{key[-2:]}    {'-' if grid[key] is None else format(grid[key], '.3f')}"
+        for key in ("uniformity_U0", "uniformity_Ud")
+    ]
+    lines += [f"  {light['name']}: E_avg {light['average_lx']:.5g} lx" for light in grid["lights"]]
+    passed = grid["targets"].get("pass")
+    return lines + {None: [], True: ["targets: pass"], False: ["targets: FAIL"]}[passed]
