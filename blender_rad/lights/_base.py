@@ -141,6 +141,18 @@ class Light(ABC):
         """
         return np.full(3, np.nan)
 
+    def leaving_flux(self) -> Array:
+        """Return what of `radiant_flux` does not hit the light itself, (3,)."""
+        return self.radiant_flux()
+
+    def peak_radiance(self) -> Array:
+        """Return the greatest radiance (3,) [W/(m² sr)]; nan of a point, inf of a parallel beam."""
+        return np.full(3, np.nan)
+
+    def facing_irradiance(self) -> Array:
+        """Return E (3,) [W/m²] on a facing surface, nan where that depends on its distance."""
+        return np.full(3, np.nan)
+
     @classmethod
     def from_record(cls, record: LightRecord, model: Model) -> Light | None:
         """Build the light that `record` means in `model`; None when it emits nothing."""

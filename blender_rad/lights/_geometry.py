@@ -25,6 +25,12 @@ def dot(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
 
 
+def lattice(n: int) -> Array:
+    """Return points (n, 2) that fill the unit square evenly: a golden-ratio lattice."""
+    number = np.arange(n)
+    return np.stack([(number + 0.5) / n, number * 0.5 * (np.sqrt(5.0) - 1.0) % 1.0], axis=1)
+
+
 def towards(center: Array, points: Array) -> tuple[Array, Array]:
     """Return unit vectors (n, 3) from the points to `center` and the squared distances (n,)."""
     offset = center - points

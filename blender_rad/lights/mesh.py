@@ -10,9 +10,10 @@ parameter           unit                    meaning
 
 Derivation. Each triangle is a Lambert polygon; E = L Σ |E_i| over the triangles, since each shines
 from both faces. Triangles are unoccluded by one another here: what hides what is the estimator's
-to find. Each face emits πLA, so Φ = 2πLA. Up to 64 triangles are summed in closed form; samples
-pick triangles by area, and their density is that of the triangle picked alone. The radiance
-is the same in both models.
+to find. Each face emits πLA, so Φ = 2πLA; of a closed mesh half of that hits its own inside and
+`leaving_flux` is the rest. Up to 64 triangles are summed in closed form; samples pick triangles by
+area, and their density is that of the triangle picked alone. The radiance is the same in both
+models.
 """
 
 from __future__ import annotations
@@ -22,11 +23,17 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightSample
 
 CLOSED_FORM_TRIANGLES = 64  # above it, summing polygons costs more than sampling is worth
+FAR_POINTS, FAR_DIRECTIONS = (
+    1024,
+    128,
+)  # of the far field: shapes that hide parts of themselves to about 1 %
+SURFACE = 1e-5  # rays start so far off it, in units of the root of its area
 PAIRS = 1 << 20  # ray-triangle pairs at once: 8 MB an array
 
 
@@ -66,19 +73,24 @@ class MeshLight(Light):
         if total == 0.0:
             nothing = np.zeros(len(points))
             return LightSample(normals.copy(), nothing, nothing, nothing)
-        at = u[:, 0] * total
+        position, i, area = self._place(u)
+        wi = position - points
+        squared = np.maximum(geometry.dot(wi, wi), geometry.TINY)
+        distance = np.sqrt(squared)
+        wi /= distance[:, None]
+        weight = total * np.abs(geometry.dot(self._normals[i], wi)) / (2.0 * area * squared)
+        return LightSample(wi, distance, weight, 1.0 / np.maximum(weight, geometry.TINY))
+
+    def _place(self, u: Array) -> tuple[Array, NDArray[np.int64], Array]:
+        """Return positions (n, 3) uniform in area, their triangles (n,) and the areas of these."""
+        at = u[:, 0] * self._area
         i = np.minimum(np.searchsorted(self._cumulative, at, side="right"), len(self.triangles) - 1)
         area = np.diff(self._cumulative, prepend=0.0)[i]
         left = np.clip(1.0 - (self._cumulative[i] - at) / area, 0.0, 1.0)
         root = np.sqrt(left)
         a, b, c = (self.triangles[i, corner] for corner in range(3))
         s, t = (1.0 - root)[:, None], (root * u[:, 1])[:, None]
-        wi = a + s * (b - a) + t * (c - a) - points
-        squared = np.maximum(geometry.dot(wi, wi), geometry.TINY)
-        distance = np.sqrt(squared)
-        wi /= distance[:, None]
-        weight = total * np.abs(geometry.dot(self._normals[i], wi)) / (2.0 * area * squared)
-        return LightSample(wi, distance, weight, 1.0 / np.maximum(weight, geometry.TINY))
+        return a + s * (b - a) + t * (c - a), i, area
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         if len(self.triangles) > CLOSED_FORM_TRIANGLES:
@@ -117,6 +129,56 @@ class MeshLight(Light):
 
     def radiant_flux(self) -> Array:
         return self.rgb * (2.0 * np.pi * self._area)
+
+    def leaving_flux(self) -> Array:
+        return self.radiant_flux() * self._far[0]
+
+    def peak_radiant_intensity(self) -> Array:
+        return self.rgb * self._far[1]
+
+    def peak_radiance(self) -> Array:
+        return self.rgb
+
+    @cached_property
+    def _far(self) -> tuple[float, float]:
+        """Return the share of the flux that leaves, and the peak intensity [bu²/sr] over `rgb`.
+
+        I(ω) = A ⟨|n·ω| V⟩ over points of the surface, with V whether ω leaves it there. Directions
+        come with their opposites: of a closed convex mesh exactly half leaves, of a plane all.
+        """
+        if self._area == 0.0:
+            return 0.0, 0.0
+        points, i, area = self._place(geometry.lattice(FAR_POINTS))
+        normals = self._normals[i] / (2.0 * area[:, None])
+        up = np.tile([0.0, 0.0, 1.0], (FAR_DIRECTIONS, 1))
+        half = geometry.sample_cone(up, np.ones(len(up)), geometry.lattice(FAR_DIRECTIONS))
+        directions = np.concatenate([half, -half, normals[:: FAR_POINTS // FAR_DIRECTIONS]])
+        cos = directions @ normals.T
+        sides = points + SURFACE * np.sqrt(self._area) * np.sign(cos)[..., None] * normals
+        seen = self._leaves(sides.reshape(-1, 3), np.repeat(directions, len(points), axis=0))
+        emitted = np.abs(cos)
+        intensity = self._area * np.mean(emitted * seen.reshape(cos.shape), axis=1)
+        whole = slice(0, 2 * FAR_DIRECTIONS)
+        share = intensity[whole].mean() / (self._area * emitted[whole].mean())
+        return float(share), float(intensity.max())
+
+    def _leaves(self, origins: Array, directions: Array) -> NDArray[np.bool_]:
+        """Return whether rays (n, 3) pass by the triangles, (n,)."""
+        from ..rays import Caster
+        from ..scene import Instance, Mesh
+
+        centre = origins.mean(axis=0)
+        count = len(self.triangles)
+        mesh = Mesh(
+            name=self.name,
+            vertices=(self.triangles.reshape(-1, 3) - centre).astype(np.float32),
+            triangles=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+            normals=None,
+            smooth=np.zeros(count, dtype=np.bool_),
+            slots=np.zeros(count, dtype=np.int32),
+        )
+        caster = Caster([mesh], [Instance(self.name, 0, np.eye(4), (0,))], [0])
+        return ~caster.occluded(origins - centre, directions, np.full(len(origins), np.inf))
 
     @classmethod
     def examples(cls) -> list[Light]:

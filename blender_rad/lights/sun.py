@@ -81,6 +81,12 @@ class SunLight(Light):
     def radiant_flux(self) -> Array:
         return np.full(3, np.nan)
 
+    def peak_radiance(self) -> Array:
+        return np.full(3, np.nan) if self.is_delta else self.rgb / self._projected
+
+    def facing_irradiance(self) -> Array:
+        return self.rgb
+
     @classmethod
     def from_record(cls, record: LightRecord, model: Model) -> SunLight | None:
         rgb = stated_emission(record)

@@ -44,6 +44,12 @@ class WorldLight(Light):
     def radiant_flux(self) -> Array:
         return np.full(3, np.nan)
 
+    def peak_radiance(self) -> Array:
+        return self.rgb
+
+    def facing_irradiance(self) -> Array:
+        return self.rgb * np.pi
+
     @classmethod
     def examples(cls) -> list[Light]:
         return [cls(name="World", rgb=np.array([0.3, 0.4, 0.5]))]

@@ -19,9 +19,11 @@ from blender_rad.lights.point import PointLight
 from blender_rad.lights.spot import SpotLight
 from blender_rad.lights.sun import SunLight
 from blender_rad.lights.world import WorldLight
+from tests.handmade import ball
 
 EXACT = 1e-12
 BRUTE = 1e-6
+FACETS = 0.01  # a ball of 4032 triangles, seen from 512 points
 WHITE = np.ones(3)
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -299,6 +301,23 @@ def test_closed_box_of_emitters_gives_pi_l() -> None:
     for normal in ((0, 0, 1), (1, 2, -3)):
         assert irradiance(light, (0.3, -0.5, 0.2), normal) == pytest.approx(np.pi, rel=1e-12)
     assert light.radiant_flux()[0] == pytest.approx(2.0 * np.pi * 24.0)
+
+
+def test_what_leaves_a_mesh() -> None:
+    """A sheet: all, twice; a ball: its outside; a bowl: the inside's view of the opening is ½."""
+    globe = ball()
+    corners = globe.vertices.astype(float)[globe.triangles]
+    bowl = corners[corners[..., 2].min(axis=1) >= -1e-6]
+    sheet = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], float)
+    for triangles, area, share, shadow, tolerance in (
+        (sheet, 1.0, 1.0, 1.0, EXACT),
+        (corners, 4.0 * np.pi, 0.5, np.pi, FACETS),
+        (bowl, 2.0 * np.pi, 0.75, np.pi, FACETS),
+    ):
+        light = MeshLight(name="m", rgb=WHITE, triangles=triangles)
+        expected = 2.0 * np.pi * area * share
+        assert light.leaving_flux()[0] == pytest.approx(expected, rel=tolerance)
+        assert light.peak_radiant_intensity()[0] == pytest.approx(shadow, rel=tolerance)
 
 
 def test_many_triangles_have_no_closed_form_but_a_mean(rng: np.random.Generator) -> None:

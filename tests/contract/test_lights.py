@@ -19,6 +19,7 @@ SIGMAS = 5.0  # of about 2000 comparisons one in 3000 may pass 3.4
 SIDE = 64  # stratified samples a side
 QUADRATURE = 1e-4  # of the far sphere: stratified, with a kink where a face is seen edge-on
 FAR = 200.0  # [bu], against lights of half a bu: what is left of their size is below 2e-5
+PEAK = 2e-3  # of the directions looked into, one is this close to the greatest
 ROUNDING = 1e-9
 
 
@@ -93,6 +94,31 @@ def test_far_sphere_receives_the_radiant_flux(light: Light, rng: np.random.Gener
     exact = light.irradiance(points, -outward)
     if exact is not None and light.kind != 'SPOT':  # whose ramp this quadrature does not resolve
         assert np.allclose(light.rgb * area * exact.mean(), flux, rtol=QUADRATURE)
+
+
+@pytest.mark.parametrize("light", LIGHT_LIST)
+def test_far_sphere_shows_the_peaks(light: Light, rng: np.random.Generator) -> None:
+    """Greatest radiance and E·d² over directions; the sun's and the world's own facing E."""
+    u = strata(rng, 192)
+    z, phi = 1.0 - 2.0 * u[:, 0], 2.0 * np.pi * u[:, 1]
+    r = np.sqrt(1.0 - z * z)
+    outward = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
+    axis = getattr(light, "direction", getattr(light, "_axis", outward[0]))
+    outward[:2] = -light.towards if light.kind == 'SUN' else axis
+    points = FAR * outward + [0.2, -0.1, 1.5]
+    centred = [[0.5, 0.5], [0.0, 0.0]]  # of rectangles, of ellipses
+    sample = light.sample(points, -outward, np.append(centred, rng.random((len(u) - 2, 2)), axis=0))
+    if not light.is_delta:
+        seen = float(np.max(sample.weight * sample.pdf))
+        assert np.allclose(light.peak_radiance(), light.rgb * seen, rtol=PEAK)
+    facing = np.max(sample.weight * np.maximum(-np.einsum("ij,ij->i", sample.wi, outward), 0.0))
+    if light.kind in ('SUN', 'WORLD'):
+        exact = light.irradiance(points[:1], -outward[:1])
+        assert exact is not None and np.allclose(light.facing_irradiance(), light.rgb * exact[0])
+        assert np.isnan(light.peak_radiant_intensity()).all()
+    elif light.name != "tetrahedron" and not (light.is_delta and light.kind == 'AREA'):
+        assert np.allclose(light.peak_radiant_intensity(), light.rgb * facing * FAR**2, rtol=PEAK)
+        assert np.isnan(light.facing_irradiance()).all()
 
 
 @pytest.mark.parametrize("light", LIGHT_LIST)
