@@ -270,7 +270,7 @@ class Reader:
             return
         if shown.data.cycles.is_portal and shown.data.type == "AREA":
             return  # a portal guides the world's light and gives none
-        feature = light_feature(shown) or ("Light linking" if facts.linked else None)
+        feature = light_feature(shown, world) or ("Light linking" if facts.linked else None)
         if not facts.visible["diffuse"] and facts.visible["camera"]:
             feature = feature or "Seen by the camera only"
         if not (feature or facts.visible["diffuse"]):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..lights._base import LightRecord
 from . import nodes
+from .ies import ies_emission
 
 _COPIED = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _NODES = "node_emission"
@@ -29,13 +30,14 @@ def light_record(
 
     Every scalar, enum and vector property of the light is copied by Blender's name, those of
     Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,), unless
-    `nodes_known` is off: it then counts as 1.
+    `nodes_known` is off: it then counts as 1. An IES texture comes as ``ies_text``, ``ies_frame``.
     """
     light = bl_object.data
     properties = _properties(light)
     properties |= {f"cycles.{key}": value for key, value in _properties(light.cycles).items()}
     if nodes_known and nodes.uses_nodes(light):
-        properties[_NODES] = nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})[0]
+        properties[_NODES], ies, _ = _emission(light, world_from_light)
+        properties |= ies
     return LightRecord(
         name=name,
         bl_type=light.type,
@@ -47,14 +49,22 @@ def light_record(
     )
 
 
-def light_feature(bl_object: Any) -> str | None:
+def light_feature(bl_object: Any, world_from_light: NDArray[Any]) -> str | None:
     """Return what of a light object cannot be evaluated, None when it is plain."""
     light = bl_object.data
     if linked(bl_object):
         return "Light linking"
     if nodes.uses_nodes(light):
-        return nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})[1]
+        return _emission(light, world_from_light)[2]
     return None
+
+
+def _emission(
+    light: Any, world_from_light: NDArray[Any]
+) -> tuple[nodes.Triple, dict[str, Any], str | None]:
+    """Return what the node tree multiplies, its IES properties, and what of it is not known."""
+    emission, feature = nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})
+    return feature and ies_emission(light, world_from_light) or (emission, {}, feature)
 
 
 def linked(bl_object: Any) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ._base import Array
 
+GRAZING = 1e-6  # cosine; nothing is left of a face that is seen so
 FINEST = np.radians(1.0)  # the widest cell of the quadrature
 
 
@@ -30,6 +31,7 @@ class Distribution:
         that need no unit length.
     cubic : Catmull-Rom between the knots (Cycles), else linear.
     first : [rad] where longitudes start to be counted round.
+    facing : (3,) normal of a flat emitter, which then shows the table as its intensity.
     """
 
     longitude: Array
@@ -38,6 +40,7 @@ class Distribution:
     frame: Array
     cubic: bool = True
     first: float = 0.0
+    facing: Array | None = None
 
     def factor(self, leaving: Array) -> Array:
         """Return the factor (n,) on light that leaves along world directions (n, 3), 0 or more."""
@@ -50,6 +53,8 @@ class Distribution:
         for a, share in enumerate(along):
             for b, part in enumerate(across):
                 value += share * part * self.table[i + a, j + b]
+        if self.facing is not None:  # Φ/(πA) · A cosθ · 4π/4cosθ: as of a point
+            value /= 4.0 * np.maximum(leaving @ self.facing, GRAZING)
         return np.where(inside & within, np.maximum(value, 0.0), 0.0)
 
     def quadrature(self) -> tuple[Array, Array]:

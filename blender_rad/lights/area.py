@@ -46,6 +46,7 @@ from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample, Model
 from ._emission import casts_shadow, stated_emission
 from ._geometry import Mask
+from ._ies import ies_distribution
 
 FULL_SPREAD = np.pi - 1e-6  # π in single precision counts as π
 SERIES_BELOW = 0.05  # [rad] where Cycles takes tan h - h as h³/3
@@ -259,10 +260,19 @@ class AreaLight(Light):
             return self.rgb * self._intensity(self.direction[None])
         return self.rgb * self.distribution.flux_and_peak(self._intensity)[1]
 
+    def peak_radiance(self) -> Array:
+        if self.is_delta or self.distribution is None:
+            return self.peak_radiant_intensity() / self.area
+        return self.rgb * self.distribution.flux_and_peak(self._leaving_radiance)[1]
+
+    def _leaving_radiance(self, leaving: Array) -> Array:
+        """Return the radiance (n,) over `rgb` [1/(bu² sr)] into directions (n, 3)."""
+        return self._radiance(leaving @ self.direction) * self._pattern(-leaving)
+
     def _intensity(self, leaving: Array) -> Array:
         """Return the intensity (n,) over `rgb` [1/sr] far away."""
-        cos = leaving @ self.direction
-        return self._radiance(cos) * np.maximum(cos, 0.0) * self.area * self._pattern(-leaving)
+        cos = np.maximum(leaving @ self.direction, 0.0)
+        return self._leaving_radiance(leaving) * cos * self.area
 
     @classmethod
     def from_record(cls, record: LightRecord, model: Model) -> AreaLight | None:
@@ -305,6 +315,7 @@ class AreaLight(Light):
             spread=float(properties.get("spread", np.pi)),
             series=model == "cycles",
             as_cycles=sheared and model == "cycles",
+            distribution=ies_distribution(record, model, direction),
         )
         return light if normalize else replace(light, rgb=rgb * light.area)
 

@@ -33,6 +33,7 @@ from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample, Model
 from ._emission import casts_shadow, stated_emission
 from ._geometry import Mask
+from ._ies import ies_distribution
 
 
 @LIGHTS.register("POINT")
@@ -136,6 +137,11 @@ class PointLight(Light):
             return self.rgb / (4.0 * np.pi)
         return self.rgb * self.distribution.flux_and_peak(self._intensity)[1]
 
+    def peak_radiance(self) -> Array:
+        if self.is_delta:
+            return super().peak_radiance()
+        return self.peak_radiant_intensity() / (np.pi * self.radius**2)
+
     def _intensity(self, leaving: Array) -> Array:
         """Return the intensity (n,) over `rgb` [1/sr] far away."""
         return self._falloff(-leaving, np.zeros(len(leaving), dtype=bool)) / (4.0 * np.pi)
@@ -183,4 +189,5 @@ def common_fields(record: LightRecord, model: Model) -> dict[str, Any] | None:
         "position": np.array(record.world_from_light[:3, 3], dtype=np.float64),
         "radius": radius,
         "soft_falloff": bool(properties.get("use_soft_falloff", True)) and model == "cycles",
+        "distribution": ies_distribution(record, model),
     }
