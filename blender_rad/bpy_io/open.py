@@ -27,6 +27,7 @@ def open_scene(
     scene: str | None = None,
     view_layer: str | None = None,
     need_camera: bool = False,
+    load_ui: bool = False,
 ) -> Any:
     """Open a .blend, or import a .glb or .gltf into an empty file, and return its scene.
 
@@ -38,6 +39,7 @@ def open_scene(
     frame : frame to go to; None keeps the file's.
     camera, scene, view_layer : names; None keeps the file's choice.
     need_camera : whether a scene without an active camera is an error.
+    load_ui : whether to keep the file's own windows, for a copy to be saved.
 
     Returns
     -------
@@ -56,7 +58,7 @@ def open_scene(
         raise RadError(
             f"frame {frame} out of range", str(file), "expected {} to {}".format(*FRAMES)
         )
-    _load(file)
+    _load(file, load_ui)
     context: Any = bpy.context
     bl_scene = _choose("scene", scene, bpy.data.scenes, str(file)) or context.scene
     _choose_view_layer(bl_scene, view_layer, str(file))
@@ -71,7 +73,7 @@ def open_scene(
     return bl_scene
 
 
-def _load(file: Path) -> None:
+def _load(file: Path, load_ui: bool) -> None:
     """Load `file` into this Blender; Blender's own message becomes the error."""
     imported = file.suffix.lower() in GLTF
     try:
@@ -81,7 +83,7 @@ def _load(file: Path) -> None:
                 bpy.ops.import_scene.gltf(filepath=str(file.resolve()))
             else:
                 bpy.ops.wm.open_mainfile(
-                    filepath=str(file.resolve()), load_ui=False, use_scripts=False
+                    filepath=str(file.resolve()), load_ui=load_ui, use_scripts=False
                 )
     except RuntimeError as error:
         kind = "a glTF 2.0 file" if imported else "a .blend file that Blender can read"

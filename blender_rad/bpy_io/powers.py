@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Making what emits brighter or darker, in the open file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..atomic import atomic_path
+from ..emitters import WORLD_NAME, emitters
+from ..errors import RadError
+from ..scene import Scene
+from . import nodes
+from .interrupt import interrupt_later
+from .materials import surface_of
+from .quiet import quiet_stdout
+from .read import read_scene
+
+KEPT = 1e-5  # relative: what a light may be off by after it was set, by rounding
+
+
+def scale_power(bl_scene: Any, name: str, factor: float) -> float:
+    """Make a light `factor` times as bright; return its new energy or strength.
+
+    Data that other objects share is copied for this one first.
+
+    Raises
+    ------
+    RadError
+        Where that cannot be set here: linked data, or strengths inside node groups.
+    """
+    local: Any = (o for o in bpy.data.objects if o.name == name and not o.library)
+    bl_object = next(local, None)
+    if bl_object is None and name == WORLD_NAME:
+        return _scale_world(bl_scene, factor)
+    if bl_object is None:
+        raise _linked(name)
+    if bl_object.type != "LIGHT":
+        return _scale_mesh(bl_object, factor)
+    if bl_object.data.library:
+        raise _linked(name)
+    if bl_object.data.users > 1:
+        bl_object.data = bl_object.data.copy()
+    bl_object.data.energy *= factor
+    return float(bl_object.data.energy)
+
+
+def check_powers(bl_scene: Any, before: Scene, factors: dict[str, float]) -> None:
+    """Raise where the open scene's lights are not those of `before` times their factors."""
+    wanted = {n: rgb * factors.get(n, 1.0) for n, rgb in _emission(before).items()}
+    found = _emission(read_scene(bl_scene, model=before.model))
+    for name, rgb in wanted.items():
+        if not np.allclose(found.get(name, np.zeros(3)), rgb, rtol=KEPT, atol=1e-30):
+            expected = "expected a plain one: not animated, driven, or made by geometry nodes"
+            raise RadError("its power cannot be set", f"light {name!r}", expected)
+
+
+def save_copy(path: Path) -> None:
+    """Write the open file to `path`; what it links relative to its folder stays linked."""
+    with atomic_path(path) as temporary, interrupt_later(), quiet_stdout():
+        bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, check_existing=False)
+
+
+def _emission(scene: Scene) -> dict[str, Any]:
+    """Return the sum of `Light.rgb` (3,) by name."""
+    found, names = emitters(scene)
+    return {
+        name: np.sum([e.light.rgb for e in found if e.layer == layer], axis=0)
+        for layer, name in enumerate(names)
+    }
+
+
+def _linked(name: str) -> RadError:
+    expected = "expected data of this file: make it local, or solve in the file that it is from"
+    return RadError("linked data cannot be changed", f"light {name!r}", expected)
+
+
+def _scale_world(bl_scene: Any, factor: float) -> float:
+    world = bl_scene.world
+    if world is None or world.library:
+        raise _linked(WORLD_NAME)
+    if world.users > 1:
+        world = bl_scene.world = world.copy()
+    if nodes.uses_nodes(world):
+        return _scale_tree(world, factor)
+    world.color = [channel * factor for channel in world.color]
+    return float(max(world.color))
+
+
+def _scale_mesh(bl_object: Any, factor: float) -> float:
+    strengths: list[float] = []
+    for slot in bl_object.material_slots:
+        material = slot.material
+        if not surface_of(material).may_emit:
+            continue
+        shared = slot.link == "DATA" and bl_object.data.users > 1
+        if shared or material.users > 1 or material.library:
+            material = material.copy()
+            slot.link = "OBJECT"
+            slot.material = material
+        strengths.append(_scale_tree(material, factor))
+    if not strengths:
+        expected = "expected an emitting material in its slots"
+        raise RadError("its power cannot be set", f"light {bl_object.name!r}", expected)
+    return strengths[0]
+
+
+def _scale_tree(block: Any, factor: float) -> float:
+    """Scale all constant strengths of a block's node tree; return the first that is not 0."""
+    tree = block.node_tree
+    output = tree.get_output_node("CYCLES")
+    found = {leaf.node.as_pointer(): leaf for leaf in nodes.leaves(output.inputs["Surface"])}
+    strengths: list[float] = []
+    for leaf in found.values():
+        names = [n for n in ("Strength", "Emission Strength") if n in leaf.node.inputs]
+        value = nodes.input_number(leaf, names[0]) if names else None
+        if not value:
+            continue
+        if leaf.groups:
+            expected = "expected its emission outside node groups: ungroup it"
+            raise RadError("its power cannot be set", f"{block.name!r}", expected)
+        socket = leaf.node.inputs[names[0]]
+        for link in list(socket.links):
+            tree.links.remove(link)
+        socket.default_value = value * factor
+        strengths.append(float(socket.default_value))
+    return next(iter(strengths), 0.0)
