@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import Finding
-from .lights import Light, Model
+from .lights import Light, LightRecord, Model
 from .working_space import REC709, luminance_weights
 
 CLAY_ALBEDO = 0.8
@@ -162,6 +162,7 @@ class Scene:
     lights : native lights; the estimator adds the mesh emitters and the world.
     unknown_lights : light objects whose emission is not known, in their place and shape; what
         they may reach is excluded.
+    light_records : all light objects as Blender has them, also those that emit nothing.
     resolution : (width, height) of the full frame in pixels.
     border : (x0, y0, x1, y1) in pixels from the lower left, the part that is rendered; outside it
         pixels are 0.
@@ -189,5 +190,6 @@ class Scene:
     luminance_weights: tuple[float, float, float] = luminance_weights(REC709)
     blender_version: tuple[int, int, int] = (0, 0, 0)
     unknown_lights: tuple[Light, ...] = ()
+    light_records: tuple[LightRecord, ...] = ()
     unsupported: tuple[Unsupported, ...] = ()
     findings: tuple[Finding, ...] = ()

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ..errors import Finding
 from ..lights import Light, Model
-from ..lights._base import light_from_record
+from ..lights._base import LightRecord, light_from_record
 from ..scene import Instance, Material, Mesh, Unsupported
 from .arrays import floats, matrix
-from .lights import light_feature, light_record, linked
+from .lights import NOT_FINITE, light_record, linked
 from .materials import Shading, Surface, clay, full, surface_of
 from .meshes import box_mesh, read_mesh
 
@@ -60,6 +60,7 @@ class Reader:
     instances: list[Instance] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
     unknown_lights: list[Light] = field(default_factory=list)
+    records: list[LightRecord] = field(default_factory=list)
     unsupported: list[Unsupported] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
@@ -81,6 +82,7 @@ class Reader:
         """Go through all instances of the depsgraph."""
         for item in self.depsgraph.object_instances:
             self._read_instance(item)
+        self._record_hidden()
         self._place()
         self.findings = list(dict.fromkeys(self.findings))
         self.unsupported = list(dict.fromkeys(self.unsupported))
@@ -265,47 +267,48 @@ class Reader:
         return self._instance(shown, facts, len(self.meshes) - 1, [surface], proxy=True)
 
     def _read_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
-        if not np.isfinite(world).all():
-            self._left_out(facts.name, "its position is not finite")
+        record = self._record(shown, facts.name, world, visible_camera=facts.visible["camera"])
+        if record.unknown == NOT_FINITE:
+            self._left_out(facts.name, NOT_FINITE)
             return
-        if shown.data.cycles.is_portal and shown.data.type == "AREA":
-            return  # a portal guides the world's light and gives none
-        feature = light_feature(shown, world) or ("Light linking" if facts.linked else None)
-        if not facts.visible["diffuse"] and facts.visible["camera"]:
-            feature = feature or "Seen by the camera only"
-        if not (feature or facts.visible["diffuse"]):
-            message = "does not light diffuse surfaces (ray visibility)"
-            self.findings.append(Finding("hidden-light", "warning", facts.name, message))
-            return
-        light = self._light(shown, facts, world, known=feature is None)
+        light = light_from_record(record, self.model)
         if light is None:
             return
+        feature = "Light linking" if facts.linked else record.unknown
+        if not facts.visible["diffuse"] and facts.visible["camera"]:
+            feature = feature or "Seen by the camera only"
         if feature:
             self.unsupported.append(Unsupported("light", facts.name, feature))
             self.unknown_lights.append(light)
-            return
-        self.lights.append(light)
-        for note in light.notes:
-            self.findings.append(Finding(note, "warning", facts.name, NOTES[note]))
+        elif not facts.visible["diffuse"]:
+            message = "does not light diffuse surfaces (ray visibility)"
+            self.findings.append(Finding("hidden-light", "warning", facts.name, message))
+        else:
+            self.lights.append(light)
+            for note in light.notes:
+                self.findings.append(Finding(note, "warning", facts.name, NOTES[note]))
 
-    def _light(
-        self, shown: Any, facts: _Facts, world: NDArray[np.float64], *, known: bool
-    ) -> Light | None:
-        """Return the light, None when it emits nothing; nodes that are not known count as 1."""
+    def _record(
+        self, shown: Any, name: str, world: NDArray[np.float64], **visible: bool
+    ) -> LightRecord:
         record = light_record(
             shown,
-            facts.name,
+            name,
             world,
             unit_scale_m=self.unit_scale_m,
             version=blender_version(),
-            visible_camera=facts.visible["camera"],
-            nodes_known=known,
+            **visible,
         )
-        numbers = [v for v in record.properties.values() if isinstance(v, float)]
-        if not np.isfinite(numbers).all():
-            self._left_out(facts.name, "its energy or size is not finite")
-            return None
-        return light_from_record(record, self.model)
+        self.records.append(record)
+        return record
+
+    def _record_hidden(self) -> None:
+        """Add the records of the scene's lights that renders do not have."""
+        names = {record.name for record in self.records}
+        for bl_object in self._scene.original.objects:
+            if bl_object.type == "LIGHT" and self._name(bl_object) not in names:
+                place = matrix(bl_object.matrix_world)
+                self._record(bl_object, self._name(bl_object), place, shown=False)
 
     def _left_out(self, name: str, why: str) -> None:
         self.findings.append(Finding("not-finite", "warning", name, f"left out: {why}"))

@@ -6,6 +6,7 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ..lights._base import LightRecord
@@ -14,6 +15,7 @@ from .ies import ies_emission
 
 _COPIED = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _NODES = "node_emission"
+NOT_FINITE = "its position, energy or size is not finite"
 
 
 def light_record(
@@ -23,21 +25,25 @@ def light_record(
     *,
     unit_scale_m: float,
     version: tuple[int, int, int],
-    visible_camera: bool,
-    nodes_known: bool = True,
+    visible_camera: bool = False,
+    shown: bool = True,
 ) -> LightRecord:
-    """Return the record of an evaluated light object.
+    """Return the record of a light object, evaluated if it is to emit something.
 
     Every scalar, enum and vector property of the light is copied by Blender's name, those of
-    Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,), unless
-    `nodes_known` is off: it then counts as 1. An IES texture comes as ``ies_text``, ``ies_frame``.
+    Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,), and one that
+    is not known does not. An IES texture comes as ``ies_text``, ``ies_frame``.
     """
     light = bl_object.data
     properties = _properties(light)
     properties |= {f"cycles.{key}": value for key, value in _properties(light.cycles).items()}
-    if nodes_known and nodes.uses_nodes(light):
-        properties[_NODES], ies, _ = _emission(light, world_from_light)
-        properties |= ies
+    unknown = None
+    if nodes.uses_nodes(light):
+        emission, ies, unknown = _emission(light, world_from_light)
+        properties |= {} if unknown else {_NODES: emission, **ies}
+    numbers = [value for value in properties.values() if isinstance(value, float)]
+    if not (np.isfinite(numbers).all() and np.isfinite(world_from_light).all()):
+        unknown = NOT_FINITE
     return LightRecord(
         name=name,
         bl_type=light.type,
@@ -46,17 +52,10 @@ def light_record(
         unit_scale_m=unit_scale_m,
         blender_version=version,
         visible_camera=visible_camera,
+        data=light.name,
+        shown=shown,
+        unknown=unknown or "",
     )
-
-
-def light_feature(bl_object: Any, world_from_light: NDArray[Any]) -> str | None:
-    """Return what of a light object cannot be evaluated, None when it is plain."""
-    light = bl_object.data
-    if linked(bl_object):
-        return "Light linking"
-    if nodes.uses_nodes(light):
-        return _emission(light, world_from_light)[2]
-    return None
 
 
 def _emission(

@@ -86,6 +86,7 @@ def read_depsgraph(
         luminance_weights=luminance_weights(WORKING_SPACES[space]),
         blender_version=blender_version(),
         unknown_lights=tuple(reader.unknown_lights),
+        light_records=tuple(reader.records),
         unsupported=(
             *reader.unsupported,
             *dict.fromkeys(u for m in reader.materials for u in m.unsupported),

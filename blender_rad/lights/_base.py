@@ -59,6 +59,9 @@ class LightRecord:
     world_from_light : (4, 4) matrix in bu, with its scale.
     unit_scale_m : metres a bu.
     blender_version : such as (4, 5, 15).
+    data : name of the light datablock.
+    shown : whether renders have it.
+    unknown : what of its emission cannot be read, empty when all of it is known.
     """
 
     name: str
@@ -68,6 +71,9 @@ class LightRecord:
     unit_scale_m: float
     blender_version: tuple[int, int, int]
     visible_camera: bool = False
+    data: str = ""
+    shown: bool = True
+    unknown: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
