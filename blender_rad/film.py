@@ -13,7 +13,7 @@ from .scene import Unsupported
 
 Image = NDArray[np.float64]
 
-STUDENT_27 = 2.052 / 1.960  # 97.5 % quantile of Student's t, 27 degrees of freedom, over normal's
+STUDENT_18 = 2.101 / 1.960  # 97.5 % quantile of Student's t, 18 degrees of freedom, over normal's
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Film:
     alpha : (h, w).
     lights : radiance by light name, each (h, w, 3) float32; they add up to `radiance` less what
         the camera sees directly (emitting surfaces and the background), which is `seen`.
+    noise : by light name, half the difference between two independent halves of a layer's samples:
+        a draw of the layer's noise.
     seen : (h, w, 3) emission that the camera sees directly.
     irradiance : (h, w, 3) [W/m²] on the shading normal.
     depth : (h, w) [m] along the view axis, inf for background.
@@ -42,6 +44,7 @@ class Film:
     variance: Image
     alpha: Image
     lights: dict[str, NDArray[np.float32]]
+    noise: dict[str, NDArray[np.float32]]
     seen: Image
     irradiance: Image
     depth: Image
@@ -57,11 +60,12 @@ class Film:
         """Standard error of `radiance`, (h, w, 3) [W/(m² sr)], for ±1.96 of it to cover 95 %.
 
         A few samples that all see the same thing tell too little of a pixel's own spread, so it is
-        taken for no smaller than that of its neighbourhood, which 27 degrees of freedom tell.
+        taken for no smaller than that of its neighbourhood: of 5×5 pixels with weights that fall
+        outwards, worth 18.
         """
-        near = neighbourhood_mean(self.variance, self.inside)
+        near = neighbourhood_mean(neighbourhood_mean(self.variance, self.inside), self.inside)
         wider = np.where(self.inside[..., None], np.maximum(self.variance, near), 0.0)
-        return STUDENT_27 * np.sqrt(wider)
+        return STUDENT_18 * np.sqrt(wider)
 
     @property
     def relative_standard_error(self) -> float:

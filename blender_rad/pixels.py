@@ -11,18 +11,18 @@ Ints = NDArray[np.int64]
 
 
 class Batch:
-    """Camera samples of some pixels, the streams of a pixel side by side.
+    """Camera samples of some pixels, those of a pixel side by side.
 
     Attributes
     ----------
-    rows : (p,) pixels; there are `streams` samples of each.
+    rows : (p,) pixels; there are `each` samples of each.
     hits : (k,) samples that met a surface.
     """
 
-    def __init__(self, rows: Ints, streams: int, hits: Ints) -> None:
-        self.rows, self.streams, self.hits = rows, streams, hits
-        self.count = len(rows) * streams
-        self.pixel_of_hit = hits // streams
+    def __init__(self, rows: Ints, each: int, hits: Ints) -> None:
+        self.rows, self.each, self.hits = rows, each, hits
+        self.count = len(rows) * each
+        self.pixel_of_hit = hits // each
 
     def spread(self, values: Floats) -> Floats:
         """Return `values` (k, ...) of hits as (samples, ...), 0 elsewhere."""
@@ -33,8 +33,8 @@ class Batch:
         return whole
 
     def by_pixel(self, values: Floats) -> Floats:
-        """Return `values` (samples, ...) as (pixels, streams, ...)."""
-        return values.reshape(len(self.rows), self.streams, *values.shape[1:])
+        """Return `values` (samples, ...) as (pixels, each, ...)."""
+        return values.reshape(len(self.rows), self.each, *values.shape[1:])
 
     def total(self, values: Floats) -> Floats:
         """Return the sums (pixels, ...) of `values` (samples, ...)."""
@@ -49,31 +49,39 @@ class Pixels:
 
     def __init__(self, layers: int, count: int, streams: int) -> None:
         self.streams = np.zeros((count, streams, 3))
-        self.taken = np.zeros((count, streams), dtype=np.int64)
-        self.lights = np.zeros((layers, count, 3), dtype=np.float32)
+        self.taken = np.zeros(count, dtype=np.int64)
+        self.lights = np.zeros((2, layers, count, 3), dtype=np.float32)  # by half of the streams
         self.seen = np.zeros((count, 3))
         self.irradiance = np.zeros((count, 3))
         self.normal = np.zeros((count, 3))
         self.alpha = np.zeros(count)
         self.depth = np.full(count, np.inf)
 
-    @property
-    def samples(self) -> Ints:
-        """Camera samples (n,) a pixel."""
-        return np.asarray(self.taken.sum(axis=1))
+    def layers(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the mean of each layer (layers, n, 3), and a draw of its noise.
+
+        The noise is the difference of the halves' means, n₀ and n₁ samples, times √(n₀n₁)/(n₀+n₁),
+        which gives it the variance of the mean of all; 0 for a single sample.
+        """
+        taken = np.maximum(self.taken, 1)
+        halves = np.stack([(taken + 1) // 2, taken // 2])
+        weight = np.sqrt(halves[::-1] / np.maximum(halves, 1)) / taken
+        first, second = self.lights * weight[:, None, :, None].astype(np.float32)
+        return self.lights.sum(axis=0) / taken[:, None].astype(np.float32), first - second
 
     def mean(self) -> Floats:
         """Radiance (n, 3)."""
-        return np.einsum("nsk->nk", self.streams) / np.maximum(self.samples, 1)[:, None]
+        return np.einsum("nsk->nk", self.streams) / np.maximum(self.taken, 1)[:, None]
 
     def variance(self) -> Floats:
         """Variance (n, 3) of the mean, from the spread of the streams.
 
         A single sample tells nothing of its error, which is then taken to be all of the value.
         """
-        mean, total = self.mean(), self.samples
-        own = self.streams / np.maximum(self.taken, 1)[:, :, None] - mean[:, None]
-        spread = np.einsum("ns,nsk->nk", self.taken, own**2)
-        freedom = ((np.count_nonzero(self.taken, axis=1) - 1) * total).astype(float)
+        mean, count = self.mean(), self.streams.shape[1]
+        each = (self.taken[:, None] + np.arange(count)[::-1]) // count  # samples by stream
+        own = self.streams / np.maximum(each, 1)[:, :, None] - mean[:, None]
+        spread = np.einsum("ns,nsk->nk", each, own**2)
+        freedom = ((np.minimum(self.taken, count) - 1) * self.taken).astype(float)
         spread[freedom == 0] = mean[freedom == 0] ** 2
         return spread / np.maximum(freedom, 1.0)[:, None]

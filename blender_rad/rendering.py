@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a scene to a film: camera samples in rounds, to the pixels that need them, on threads.
 
-Every round takes one point of each of `STREAMS` independent low-discrepancy sequences a pixel;
-the spread of the streams gives each pixel's variance. The first rounds go to all pixels. Then, for
-a target error, the samples that remain are shared out as costs least: in proportion to a pixel's
-standard deviation, relative to its signal, as its neighbours tell it: were a pixel's own samples
-asked, those that met nothing bright would end it, and the mean would be too dark.
+A pixel's samples are dealt to `STREAMS` independent low-discrepancy sequences in turn; the spread
+of the streams gives its variance. The first round goes to all pixels. Then, for a target error,
+the samples that remain are shared out as costs least: in proportion to a pixel's standard
+deviation, relative to its signal, as its neighbours tell it: were a pixel's own samples asked,
+those that met nothing bright would end it, and the mean would be too dark.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import CameraRays, camera_rays, view_depth
+from .coincidence import coincident_faces
 from .direct import DirectLight
 from .errors import RadError
 from .film import Film, neighbourhood_mean
@@ -36,8 +37,7 @@ Bools = NDArray[np.bool_]
 Progress = Callable[[float], None]
 T = TypeVar("T", bound=np.generic)
 
-STREAMS = 4
-FIRST_ROUNDS = 1  # for all pixels, before any decision
+STREAMS = 2  # the fewest that tell of a spread: points spread the more evenly, the longer a stream
 BATCH = 16384  # camera samples worked off at a time, so that arrays stay near the processor
 MAX_SAMPLES = STREAMS * MAX_POINTS
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
@@ -118,9 +118,12 @@ class _Run:
         self.albedo = np.array([m.albedo for m in scene.materials]).reshape(-1, 3)
         self.emission = np.array([m.emission for m in scene.materials]).reshape(-1, 3)
         self.unsupported = [m.unsupported for m in scene.materials]
-        self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
         self.inside = _inside(scene)
         self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
+        self.excluded = [  # appended to by threads, atomically
+            (cause, np.flatnonzero(np.isin(self.place, pixels)))
+            for cause, pixels in light.coincident.items()
+        ]
         layers = len(self.light.names) if settings.per_light else 0
         self.sums = Pixels(layers, len(self.place), STREAMS)
         self.progress = progress or (lambda share: None)
@@ -143,48 +146,44 @@ class _Run:
     def _take_fixed(self, pool: ThreadPoolExecutor, samples: int) -> None:
         everyone = np.arange(len(self.place))
         for taken in range(0, samples, STREAMS):
-            if self.late:
-                break
-            streams = min(STREAMS, samples - taken)
-            self._round(pool, everyone, streams, (taken / samples, (taken + streams) / samples))
+            count = min(STREAMS, samples - taken)
+            self._round(pool, everyone, count, (taken / samples, (taken + count) / samples))
 
     def _take_until(self, pool: ThreadPoolExecutor, error: float) -> None:
-        everyone = np.arange(len(self.place))
-        for _ in range(FIRST_ROUNDS):
-            self._round(pool, everyone, STREAMS, (0.0, 0.0))
+        self._round(pool, np.arange(len(self.place)), STREAMS, (0.0, 0.0))
         while not self.late:
-            wanted, share = self._wanted_rounds(error)
+            wanted, share = self._wanted_steps(error)
             if not wanted.any():
                 break
-            for step in range(1, int(wanted.max()) + 1):
-                rows = np.flatnonzero(wanted >= step)
-                self._round(pool, rows, STREAMS, (share, share))
+            for step in range(int(wanted.max())):
+                self._round(pool, np.flatnonzero(wanted > step), STREAMS, (share, share))
 
-    def _wanted_rounds(self, error: float) -> tuple[Ints, float]:
-        """Return how many more rounds each pixel should have (n,), and the share of work done."""
+    def _wanted_steps(self, error: float) -> tuple[Ints, float]:
+        """Return how many more steps each pixel should have (n,), and the share of work done."""
         mean, variance = self.sums.mean(), self.sums.variance()
         signal = mean**2 + 0.01 * np.mean(mean, axis=0) ** 2
         ratio = np.divide(variance, signal, out=np.zeros_like(variance), where=signal > 0)
         if np.mean(ratio) <= error**2:
             return np.zeros(len(mean), dtype=np.int64), 1.0
-        taken = self.sums.taken[:, 0]
+        taken = self.sums.taken // STREAMS
         spread = self._framed(ratio.mean(axis=1) * taken)
         near = neighbourhood_mean(spread, self.inside, own=False)
-        one_round = np.sqrt(near.reshape(-1)[self.place])
-        wanted = one_round * (np.mean(one_round) / error**2)
-        wanted = np.clip(np.ceil(wanted), taken, np.minimum(np.ceil(GROWTH * taken), MAX_POINTS))
+        one_step = np.sqrt(near.reshape(-1)[self.place])
+        wanted = one_step * (np.mean(one_step) / error**2)
+        most = np.minimum(np.ceil(GROWTH * taken), MAX_SAMPLES // STREAMS)
+        wanted = np.clip(np.ceil(wanted), taken, most)
         share = min(1.0, float(error**2 / np.mean(ratio)))
         return wanted.astype(np.int64) - taken, share
 
     def _round(
-        self, pool: ThreadPoolExecutor, rows: Ints, streams: int, share: tuple[float, float]
+        self, pool: ThreadPoolExecutor, rows: Ints, count: int, share: tuple[float, float]
     ) -> None:
-        """Take one sample of each stream for the pixels `rows`."""
+        """Take the next `count` samples of the pixels `rows`."""
         if self.late:
             return
-        size = max(BATCH // streams, 1)
+        size = max(BATCH // count, 1)
         batches = [rows[k : k + size] for k in range(0, len(rows), size)]
-        jobs = [pool.submit(self._batch, batch, streams) for batch in batches]
+        jobs = [pool.submit(self._batch, batch, count) for batch in batches]
         try:
             for number, job in enumerate(jobs):
                 job.result()
@@ -194,27 +193,27 @@ class _Run:
             wait(jobs, return_when=FIRST_EXCEPTION)
             raise
 
-    def _batch(self, rows: Ints, streams: int) -> None:
+    def _batch(self, rows: Ints, count: int) -> None:
         if self.cancel.is_set():
             raise CancelledError
-        if time.monotonic() > self.deadline and self.sums.taken[rows, 0].all():
+        if time.monotonic() > self.deadline and self.sums.taken[rows].all():
             self.late = True
             return
-        self._trace(rows, streams)
+        self._trace(rows, count)
 
     # --- one batch ----------------------------------------------------------------------------
 
-    def _trace(self, rows: Ints, streams: int) -> None:
-        """Take one sample of each of the first `streams` streams for the pixels `rows` (p,)."""
-        pixel = np.repeat(self.place[rows], streams)
-        stream = np.tile(np.arange(streams), len(rows))
-        index = self.sums.taken[rows, :streams].reshape(-1)
-        uniform = Points(pixel, stream, index, self.settings.seed)
+    def _trace(self, rows: Ints, count: int) -> None:
+        """Take the next `count` samples, up to `STREAMS`, of the pixels `rows` (p,)."""
+        pixel = np.repeat(self.place[rows], count)
+        number = self.sums.taken[rows, None] + np.arange(count)
+        index, stream = np.divmod(number, STREAMS)
+        uniform = Points(pixel, stream.reshape(-1), index.reshape(-1), self.settings.seed)
         where = self._positions(pixel, uniform.pair(0))
         rays = camera_rays(self.camera, self.scene.resolution, where)
         hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
         met = (hits.instance >= 0) & (hits.distance <= rays.reach)
-        batch = Batch(rows, streams, np.flatnonzero(met))
+        batch = Batch(rows, count, np.flatnonzero(met))
         radiance = self._background(batch, rays, met, hits.distance)
         if len(batch.hits):
             directions = rays.directions.take(batch.hits, axis=0)
@@ -222,8 +221,8 @@ class _Run:
             radiance += batch.spread(self._surfaces(batch, surface))
             radiance += batch.spread(self._reflected(batch, surface, uniform))
         sums = self.sums
-        sums.streams[rows, :streams] += batch.by_pixel(radiance)
-        sums.taken[rows, :streams] += 1
+        sums.streams[rows[:, None], stream] += batch.by_pixel(radiance)
+        sums.taken[rows] += count
 
     def _surfaces(self, batch: Batch, surface: Surface) -> Floats:
         """Return the emission (k, 3) that is seen; note normals, depth and what is excluded."""
@@ -262,7 +261,9 @@ class _Run:
             irradiance += arriving
             if self.settings.per_light:
                 arriving *= brdf
-                sums.lights[emitter.layer, rows] += batch.total(batch.spread(arriving))
+                parts = batch.by_pixel(batch.spread(arriving))
+                for half in range(2):
+                    sums.lights[half, emitter.layer, rows] += parts[:, half::2].sum(axis=1)
         sums.irradiance[rows] += batch.total(batch.spread(irradiance))
         return brdf * irradiance
 
@@ -297,27 +298,30 @@ class _Run:
 
     def _exclude(self, batch: Batch, samples: Ints, cause: Unsupported) -> None:
         if len(samples):
-            rows = batch.rows[np.unique(samples // batch.streams)]
+            rows = batch.rows[np.unique(samples // batch.each)]
             self.excluded.append((cause, rows))
 
     # --- the picture --------------------------------------------------------------------------
 
     def _developed(self) -> Film:
         sums, scene = self.sums, self.scene
-        samples = sums.samples
+        samples = sums.taken
         weight = 1.0 / np.maximum(samples, 1)
         masks = self._excluded_by()
+        counts = {cause: int(mask.sum()) for cause, mask in masks.items()}
+        found = [coincident_faces(c, counts[c]) for c in self.light.coincident if counts[c]]
         excluded = np.any([np.zeros(len(samples), dtype=bool), *masks.values()], axis=0)
-        lights = {
-            name: self._framed(layer * weight[:, None].astype(np.float32))
-            for name, layer in zip(self.light.names, sums.lights, strict=False)
-        }
+        lights, noise = (
+            dict(zip(self.light.names, map(self._framed, layers), strict=False))
+            for layers in sums.layers()
+        )
         length = np.linalg.norm(sums.normal, axis=1)[:, None]
         return Film(
             radiance=self._framed(sums.mean()),
             variance=self._framed(sums.variance()),
             alpha=self._framed(sums.alpha * weight),
             lights=lights,
+            noise=noise,
             seen=self._framed(sums.seen * weight[:, None]),
             irradiance=self._framed(sums.irradiance * weight[:, None]),
             depth=self._framed(sums.depth * scene.unit_scale_m),
@@ -325,8 +329,8 @@ class _Run:
             samples=self._framed(samples),
             inside=self.inside,
             excluded=self._framed(excluded),
-            excluded_by={cause: int(mask.sum()) for cause, mask in masks.items()},
-            findings=scene.findings,
+            excluded_by=counts,
+            findings=(*scene.findings, *found),
         )
 
     def _excluded_by(self) -> dict[Unsupported, Bools]:
