@@ -16,11 +16,13 @@ not depend on f or V, so Ê is unbiased; it is exact without noise where the lig
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .coincidence import coincident_pixels
 from .emitters import Emitter, emitters
 from .lights import LightSample
 from .rays import Caster
@@ -108,6 +110,11 @@ class DirectLight:
         self.geometry = Geometry(scene)
         self.visibility = Visibility(scene)
         self.emitters, self.names = emitters(scene)
+
+    @cached_property
+    def coincident(self) -> dict[Unsupported, Ints]:
+        """Pixels (k,) of the frame in which faces lie on others, by pair of objects."""
+        return coincident_pixels(self.scene, self.geometry, self.visibility.camera)
 
     def arrivals(
         self, surface: Surface, group: Ints, uniform: Callable[[int], Floats]

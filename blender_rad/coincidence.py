@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Faces that lie on other faces (z-fighting): where the camera sees them.
+
+Light that leaves such a point may or may not meet the other face, as rounding has it: Cycles hides
+an arbitrary part of it, up to all. To find them without comparing triangles with each other, all
+triangles are cut loose and each is moved off by a chance hair's breadth. Seen from close above and
+from close below, a point that lies on two faces then shows two different ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from .cameras import camera_rays
+from .errors import Finding
+from .rays import Caster, Hits
+from .scene import Mesh, Scene, Unsupported
+from .surfaces import RAY_OFFSET, Geometry, Surface, cross, dot, normalized
+
+Ints = NDArray[np.int64]
+
+FEATURE = "faces coincide with those of "
+# Of the coordinates, by which triangles are moved: far more than float32 rounds.
+SCATTER = 2 * RAY_OFFSET
+REACH = 64  # of a point's epsilon, from where it is looked at
+# Of a point's epsilon: measured, Cycles confuses faces up to 0.05 to 0.15 of it.
+BEHIND = 0.25
+PARALLEL = 1.0 - 1e-6  # cosine of planes that stay together
+BATCH = 65536
+
+
+def coincident_pixels(scene: Scene, geometry: Geometry, seen: Caster) -> dict[Unsupported, Ints]:
+    """Return the pixels of the frame (k,) in which a face lies on another, by pair of objects.
+
+    Model: one ray a pixel. A face in front of the one that is seen, which the camera does not see,
+    counts as far up as our shadow rays start; one behind it as far as it hides light in Cycles.
+    """
+    if scene.camera is None:
+        return {}
+    rng = np.random.default_rng(0)
+    loose = _cut_loose(scene, rng)
+    width, height = scene.resolution
+    pixels: dict[Unsupported, list[Ints]] = {}
+    for start in range(0, width * height, BATCH):
+        pixel = np.arange(start, min(start + BATCH, width * height))
+        row, column = np.divmod(pixel, width)
+        corner = np.stack([column, height - 1 - row], axis=-1)
+        rays = camera_rays(scene.camera, scene.resolution, corner + rng.random(corner.shape))
+        hits = seen.intersect(rays.origins, rays.directions)
+        met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))
+        hits = hits.take(met)
+        surface = geometry.surface(hits, rays.directions.take(met, axis=0))
+        for side in (-1.0, 1.0):
+            rows, other = _others(hits, surface, geometry, loose, side)
+            pairs = np.sort(np.stack([hits.instance[rows], other], axis=-1), axis=1)
+            for pair in np.unique(pairs, axis=0):
+                found = pixel[met[rows[(pairs == pair).all(axis=1)]]]
+                pixels.setdefault(_cause(scene, pair), []).append(found)
+    return {cause: np.unique(np.concatenate(found)) for cause, found in pixels.items()}
+
+
+def coincident_faces(cause: Unsupported, pixels: int) -> Finding:
+    """Return the finding of a pair of objects that coincide in so many pixels."""
+    message = f"{cause.feature} in {pixels} pixels: what light Cycles gives them is chance"
+    return Finding("coincident-faces", "warning", cause.name, message)
+
+
+def _others(
+    hits: Hits, surface: Surface, geometry: Geometry, loose: Caster, side: float
+) -> tuple[Ints, Ints]:
+    """Return which points (k,) show another face from that side, and the instances it is of."""
+    up = surface.geometric_normal * side
+    reach = REACH * surface.epsilon
+    near = loose.intersect(surface.point + up * reach[:, None], -up)
+    own = (near.instance == hits.instance) & (near.triangle == hits.triangle)
+    rows = np.flatnonzero((near.distance < 2.0 * reach) & ~own)
+    found = geometry.surface(near.take(rows), -up.take(rows, axis=0))
+    up = up.take(rows, axis=0)
+    height = side * dot(found.point - surface.point.take(rows, axis=0), up)
+    height /= surface.epsilon.take(rows)
+    parallel = np.abs(dot(found.geometric_normal, up)) > PARALLEL
+    coincident = (height > -BEHIND) & (height < 1.0) & parallel
+    return rows[coincident], found.instance[coincident]
+
+
+def _cause(scene: Scene, pair: Ints) -> Unsupported:
+    first, second = sorted(scene.instances[index].name for index in pair)
+    return Unsupported("object", first, FEATURE + second)
+
+
+def _cut_loose(scene: Scene, rng: Generator) -> Caster:
+    """Return a caster of all that is seen or throws shadows, every triangle by itself."""
+    chosen: list[int] = []
+    instances = list(scene.instances)
+    amounts = [0.0] * len(scene.meshes)
+    for index, instance in enumerate(instances):
+        mesh, world = scene.meshes[instance.mesh], instance.world_from_object.copy()
+        scale, far = np.linalg.norm(world[:3, :3]) / 3**0.5, np.linalg.norm(world[:3, 3])
+        shown = instance.visible_camera or instance.visible_shadow
+        if shown and scale > 0.0 and len(mesh.triangles) and not instance.proxy:
+            amount = SCATTER * float(far / scale + np.abs(mesh.vertices).max())
+            amounts[instance.mesh] = max(amount, amounts[instance.mesh])
+            world[:3, 3] += amount * scale * normalized(rng.normal(size=(1, 3)))[0]
+            instances[index] = replace(instance, world_from_object=world)
+            chosen.append(index)
+    meshes = [_loosened(m, a, rng) for m, a in zip(scene.meshes, amounts, strict=True)]
+    return Caster(meshes, instances, chosen)
+
+
+def _loosened(mesh: Mesh, amount: float, rng: Generator) -> Mesh:
+    """Return `mesh`, each triangle moved off by at most `amount` [bu], and its edges inwards.
+
+    Edges move by 2 to 3 times `amount`, so that triangles that touch stay apart: a third of a
+    triangle's height is its inscribed radius r, or down to 2r/3.
+    """
+    corners = mesh.vertices.astype(np.float64)[mesh.triangles]
+    middle = corners.mean(axis=1, keepdims=True)
+    normal = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    perimeter = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).sum(axis=1)
+    radius = np.maximum(np.sqrt(dot(normal, normal)), 1e-300) / np.maximum(perimeter, 1e-300)
+    shrink = np.maximum(1.0 - 3.0 * amount / radius, 0.0)
+    lift = normalized(normal) * (amount * rng.random(len(corners)))[:, None]
+    corners = middle + (corners - middle) * shrink[:, None, None] + lift[:, None]
+    triangles = np.arange(corners.size // 3, dtype=np.int32).reshape(-1, 3)
+    return replace(mesh, vertices=corners.reshape(-1, 3), triangles=triangles)

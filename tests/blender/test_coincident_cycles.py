@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where Cycles lets coincident faces shade each other, and that just this is left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+
+from .agreement import both_sides, lamp, look_at  # noqa: E402
+from .reading import SQUARE, add, empty_scene, polygons  # noqa: E402
+
+OFF = 0.05  # relative, of a pixel
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("at", [0.0, 10.0])
+@pytest.mark.parametrize("gap", [0.0, 1e-7, 1e-6, 1e-4])
+def test_what_cycles_confuses_is_left_out(gap: float, at: float, hidden: bool) -> None:
+    """A floor with a patch on it that the camera does not see, or close below it."""
+    empty_scene()
+    turned = {"rotation_euler": (0.1, 0.2, 0.3)}
+    add("Floor", polygons("Floor", *SQUARE), scale=(4, 4, 1), location=(at, at, 0), **turned)
+    patch = polygons("Patch", *SQUARE)
+    place = (at, at, gap if hidden else -gap)
+    add("Patch", patch, scale=(1, 0.6, 1), location=place, visible_camera=not hidden, **turned)
+    look_at((at, at, 0), (at + 0.5, at - 5, 4), lens=80)
+    lamp('POINT', (at + 0.3, at + 0.4, 3), (at, at, 0), shadow_soft_size=0.1)
+    sides = both_sides((48, 32), ours=128, seeds=4, samples=32)
+    ours, theirs = sides.film.radiance.mean(axis=-1), sides.seeds[..., :3].mean(axis=(0, 3))
+    wrong = np.abs(theirs - ours) > OFF * ours.max()
+    excluded = sides.film.excluded
+    assert not (wrong & ~excluded).any()
+    assert excluded.any() == (gap < 1e-5)
+    if gap == 0.0:
+        assert wrong[excluded].mean() > 0.7
