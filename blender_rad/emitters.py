@@ -9,7 +9,7 @@ import numpy as np
 
 from .lights import Light
 from .lights.mesh import MeshLight
-from .lights.world import WorldLight
+from .lights.world import Portal, WorldLight
 from .rays import transform_points
 from .scene import Instance, Material, Scene, Unsupported
 
@@ -45,7 +45,8 @@ def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
                 unknown.append((light, _cause(material.unsupported, "material", material.name)))
     world = scene.world
     if world.visible_diffuse and world.known and any(world.radiance):
-        known.append(WorldLight(name=WORLD_NAME, rgb=np.array(world.radiance)))
+        portals = tuple(p for p in map(Portal.from_record, scene.light_records) if p)
+        known.append(WorldLight(name=WORLD_NAME, rgb=np.array(world.radiance), portals=portals))
     if world.visible_diffuse and not world.known:
         cause = _cause(world.unsupported, "world", WORLD_NAME)
         unknown.append((WorldLight(name=WORLD_NAME, rgb=np.ones(3)), cause))

@@ -172,6 +172,11 @@ def build() -> list[kit.Answer]:
     furniture()
     shining = luminaires()
     z0, z1, y0, y1 = WINDOW
+    towards_room = Matrix.Translation((-0.01, 0.5 * (y0 + y1), 0.5 * (z0 + z1))) @ Matrix.Rotation(
+        -math.pi / 2, 4, 'Y'
+    )
+    portal = {"shape": 'RECTANGLE', "size": z1 - z0, "size_y": y1 - y0}
+    kit.light("Window portal", 'AREA', towards_room, 1.0, **portal).data.cycles.is_portal = True
     window = [(0, y0, z0), (0, y1, z0), (0, y1, z1), (0, y0, z1)]
     shining.append((tuple(SKY_RADIANCE * c for c in SKY), window))
     kit.camera((5.75, 0.25, 1.75), (1.7, 3.3, 1.15), 19)
