@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,36 @@ import numpy as np
 from mathutils import Euler
 from numpy.typing import NDArray
 
+from ..photometry import Distribution, as_ies
 from . import nodes
 
 Array = NDArray[np.float64]
 FEATURE = "IES Texture"
+
+
+def add_photometric_light(light: Distribution, name: str | None = None) -> Any:
+    """Add a point light of `light` to the open scene, and return its object.
+
+    Where the object is not turned, C0 shines along +X, C90 along +Y, gamma 0 down. Its 1 W means
+    the file's candelas: times 1/177.83 in W/sr to Cycles, see `as_ies` for what it interpolates.
+    """
+    name = name or light.name
+    text = bpy.data.texts.new(f"{name}.ies")
+    text.from_string(as_ies(light, blender=True))
+    lamp: Any = bpy.data.lights.new(name, 'POINT')
+    lamp.energy, lamp.shadow_soft_size = 1.0, 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        lamp.use_nodes = True
+    tree = lamp.node_tree
+    emission = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission")
+    node: Any = tree.nodes.new("ShaderNodeTexIES")
+    node.mode, node.ies, node.location = 'INTERNAL', text, (-200.0, 300.0)
+    tree.links.new(node.outputs["Fac"], emission.inputs["Strength"])
+    placed = bpy.data.objects.new(name, lamp)
+    collection: Any = bpy.context.collection
+    collection.objects.link(placed)
+    return placed
 
 
 def ies_emission(
@@ -95,12 +122,12 @@ def _frame(socket: Any, groups: nodes.Groups, light: Any, normal: Array) -> Arra
 
 def _mapping(node: Any, groups: nodes.Groups) -> Array | None:
     """Return the matrix (3, 3) of a Mapping node that only turns and scales."""
-    found = {name: nodes.colour(node.inputs[name], groups) for name in ("Rotation", "Scale")}
+    rotation, scale = (nodes.colour(node.inputs[name], groups) for name in ("Rotation", "Scale"))
     moves = node.vector_type in {'POINT', 'TEXTURE'}
     still = not moves or nodes.colour(node.inputs["Location"], groups) == nodes.BLACK
-    if not still or None in found.values() or 0.0 in (found["Scale"] or ()):
+    if not still or rotation is None or scale is None or 0.0 in scale:
         return None
-    turn, scale = np.array(Euler(found["Rotation"]).to_matrix()), np.array(found["Scale"])
+    turn, stretch = np.array(Euler(rotation).to_matrix(), dtype=np.float64), np.diag(scale)
     if node.vector_type == 'TEXTURE':
-        return np.asarray(turn.T / scale[:, None])
-    return np.asarray(turn / scale if node.vector_type == 'NORMAL' else turn * scale)
+        return np.linalg.inv(turn @ stretch)
+    return turn @ (np.linalg.inv(stretch) if node.vector_type == 'NORMAL' else stretch)

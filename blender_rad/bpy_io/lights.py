@@ -63,7 +63,7 @@ def _emission(
 ) -> tuple[nodes.Triple, dict[str, Any], str | None]:
     """Return what the node tree multiplies, its IES properties, and what of it is not known."""
     emission, feature = nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})
-    return feature and ies_emission(light, world_from_light) or (emission, {}, feature)
+    return (feature and ies_emission(light, world_from_light)) or (emission, {}, feature)
 
 
 def linked(bl_object: Any) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..atomic import atomic_path
 from . import _values as values
 from ._base import Command, Outcome, option
 
@@ -23,6 +24,8 @@ class PhotometryOptions(Command, verb="photometry"):
     plot : where the polar diagram goes.
     unit : of the diagram.
     lamp_set : which of an LDT file's lamp sets, from 1.
+    to_ies : where the same light goes as an IES file.
+    orientation : of that file; see `photometry.as_ies`.
     """
 
     file: Path = option(
@@ -43,21 +46,34 @@ class PhotometryOptions(Command, verb="photometry"):
     lamp_set: int = option(
         values.integer(1), "which of an LDT file's lamp sets (default: 1)", default=1, metavar="N"
     )
+    to_ies: Path | None = option(
+        values.output_file(".ies"), "write the same light as LM-63-2002", metavar="OUT.ies"
+    )
+    orientation: str = option(
+        values.choice("lm-63", "blender"),
+        "of that file: lm-63, or blender as its IES Texture node turns it (default: lm-63)",
+        default="lm-63",
+        metavar="lm-63|blender",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.require("unit", "plot")
+        self.require("orientation", "to_ies")
 
     def run(self) -> Outcome:
-        from ..photometry import read_photometry
+        from ..photometry import as_ies, read_photometry
 
         light = read_photometry(self.file, self.lamp_set)
         if self.plot:
             from ..photometry.polar import write_polar
 
             write_polar(light, self.plot, "cd/klm" if self.unit == "cd/klm" else "cd")
-        document = _document(light)
-        document["plot"] = self.plot
+        if self.to_ies:
+            text = as_ies(light, blender=self.orientation == "blender")
+            with atomic_path(self.to_ies) as target:
+                target.write_text(text, encoding="utf-8", newline="\r\n")
+        document = _document(light) | {"plot": self.plot, "ies": self.to_ies}
         wrong = any(finding.severity == "error" for finding in light.findings)
         return Outcome(document, _text(document, self.file), 1 if wrong else 0)
 

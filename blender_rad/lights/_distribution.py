@@ -12,8 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._base import Array
+from ._geometry import Mask
 
 GRAZING = 1e-6  # cosine; nothing is left of a face that is seen so
 FINEST = np.radians(1.0)  # the widest cell of the quadrature
@@ -79,7 +81,7 @@ class Distribution:
         return float(solid_angle @ values), float(values.max())
 
 
-def _cells(knots: Array, at: Array, cubic: bool) -> tuple[Array, list[Array], Array]:
+def _cells(knots: Array, at: Array, cubic: bool) -> tuple[NDArray[np.intp], list[Array], Mask]:
     """Return cells (n,), the weights (n,) of the four rows from there on, and whether inside."""
     # Cycles goes to the first knot that is not below, whatever the order.
     cell = np.searchsorted(np.maximum.accumulate(knots), at) - 1

@@ -64,11 +64,9 @@ def ies_distribution(
     except UnreadableError:
         around, whole = np.array([0.0, 2.0 * np.pi]), np.array([-0.5, 0.5]) * np.pi
         return _even(around, whole, np.full((2, 2), UNREADABLE), frame)
-    latitude = vertical.astype(np.float64) - 0.5 * np.pi
     table = _edged(azimuth, vertical, table, record.blender_version)
-    return Distribution(
-        longitude=azimuth.astype(np.float64), latitude=latitude, table=table, frame=frame
-    )
+    latitude = vertical - 0.5 * np.pi
+    return Distribution(longitude=azimuth, latitude=latitude, table=table, frame=frame)
 
 
 def _declared(text: bytes, record: LightRecord, frame: Array) -> Distribution:
@@ -102,7 +100,7 @@ def _edged(azimuth: Array, vertical: Array, table: Array, version: tuple[int, ..
 
 
 def cycles_table(data: bytes) -> tuple[Array, Array, Array]:
-    """Return azimuths (m,), vertical angles (n,) [rad, float32] and factors (m, n) of an IES text.
+    """Return azimuths (m,), vertical angles (n,) [rad] and factors (m, n) of an IES text.
 
     Raises
     ------
@@ -137,12 +135,16 @@ def cycles_table(data: bytes) -> tuple[Array, Array, Array]:
         raise UnreadableError
     take(WHOLE)
     factor *= take(REAL, 6)[3:5].prod()
-    vertical = take(REAL, n_vertical).astype(np.float32)
-    azimuth = take(REAL, n_horizontal).astype(np.float32)
+    vertical, azimuth = take(REAL, n_vertical), take(REAL, n_horizontal)
     table = factor * take(REAL, n_horizontal * n_vertical).reshape(n_horizontal, -1)
     azimuth, vertical, table = (_turned_c, _turned_b, _turned_a)[kind - 1](azimuth, vertical, table)
+    return _radians(azimuth), _radians(vertical), table
+
+
+def _radians(angle: Array) -> Array:
+    """Return what single precision makes of angles [deg]."""
     degree = np.float32(np.pi) / np.float32(180)
-    return azimuth * degree, vertical * degree, table.astype(np.float32).astype(np.float64)
+    return np.asarray(angle.astype(np.float32) * degree, dtype=np.float64)
 
 
 def _close(angle: float, to: float) -> bool:
@@ -163,15 +165,15 @@ def _turned_b(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
 
 def _both_sides(angle: Array, table: Array) -> tuple[Array, Array]:
     if not _close(angle[0], 0):
-        return angle + 90, table
-    return 90 + np.append(-angle[:0:-1], angle), np.concatenate([table[:0:-1], table])
+        return angle + 90.0, table
+    return 90.0 + np.append(-angle[:0:-1], angle), np.concatenate([table[:0:-1], table])
 
 
 def _turned_c(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
     if _close(h[0], 90):
         h = h - 90
     if len(h) == 1:
-        return np.array([0, 360], np.float32), v, np.repeat(table, 2, axis=0)
+        return np.array([0.0, 360.0]), v, np.repeat(table, 2, axis=0)
     for end in (90, 180):
         if _close(h[-1], end):
             h = np.append(h, 2 * end - h[-2::-1])
@@ -179,5 +181,5 @@ def _turned_c(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
     gap = 360 - h[-1]
     steps = (h[-1] - h[-2], h[1] - h[0])
     if _close(h[0], 0) and not _close(gap, 0) and any(_close(step, gap) for step in steps):
-        h, table = np.append(h, np.float32(360)), np.concatenate([table, table[:1]])
+        h, table = np.append(h, 360), np.concatenate([table, table[:1]])
     return h, v, table

@@ -104,8 +104,8 @@ class Distribution:
         first = self.longitude[0] - SLACK_DEG
         longitude = first + np.mod(np.degrees(np.arctan2(y, x)) - first, 360.0)
         latitude = np.degrees(np.arctan2(z, np.hypot(x, y)))
-        i, u, in_longitude = _cells(self.longitude, longitude)
-        j, v, in_latitude = _cells(self.latitude, latitude)
+        i, u, in_longitude = cells(self.longitude, longitude)
+        j, v, in_latitude = cells(self.latitude, latitude)
         table = self.intensity
         low = (1 - v) * table[i, j] + v * table[i, j + 1]
         high = (1 - v) * table[i + 1, j] + v * table[i + 1, j + 1]
@@ -185,7 +185,7 @@ def _edge(t: Array, profile: Array, lit: NDArray[np.bool_], side: int, fraction:
     return float(t[last] + (t[last + 1] - t[last]) * (inner - level) / (inner - outer))
 
 
-def _cells(knots: Array, values: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+def cells(knots: Array, values: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
     """Return the cell of `values` (n,) among rising `knots`, the part in it, and whether inside."""
     cell = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
     part = (values - knots[cell]) / (knots[cell + 1] - knots[cell])

@@ -50,6 +50,9 @@ def unfold_planes(
     The span of the planes says what is to be mirrored: 90° about two planes, 180° about one. With
     `ring` they go all the way round, and the last is followed by the first.
     """
+    if planes[-1] - planes[0] > 360 + SAME_DEG:  # more than once round
+        once = (planes > -SAME_DEG) & (planes < 360 + SAME_DEG)
+        planes, table = planes[once], table[once]
     span = planes[-1] - planes[0]
     if len(planes) == 1:
         return np.array([0.0, 360.0]), np.repeat(table, 2, axis=0), "axial"

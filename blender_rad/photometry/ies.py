@@ -21,7 +21,7 @@ KEYWORD = re.compile(r"\s*\[([^\]]*)\]\s*(.*)")
 STATED_FLUX = ("ABSOLUTELUMENS", "TOTALLUMINAIRELUMENS", "LUMINAIRELUMENS")
 RADIOMETRIC = re.compile(r"\bmW/sr\b|radiometric units", re.IGNORECASE)
 VERTICAL: dict[Kind, tuple[int, int]] = {"A": (-90, 90), "B": (-180, 180), "C": (0, 180)}
-HORIZONTAL: dict[Kind, tuple[int, int]] = {"A": (-180, 180), "B": (-90, 90), "C": (-360, 360)}
+HORIZONTAL: dict[Kind, tuple[int, int]] = {"A": (-180, 180), "B": (-90, 90), "C": (-360, 720)}
 SIZES = "number of lamps, lumens, multiplier, counts of angles, type, units, width, length, height"
 POWERS = "ballast factor, future use, input watts"
 # Shapes by the signs of width, length, height. A zero beside a negative width is a circle's

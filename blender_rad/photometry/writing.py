@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Any distribution as an IES text: for other programs, or for Blender's IES Texture node."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .distribution import Distribution, cells
+from .text import Array
+
+# An opening's signs by its shape; all others are boxes, which their zeros tell apart.
+SIGNS = {"circular": (-1, -1, 1), "vertical cylinder": (-1, -1, 1), "sphere": (-1, -1, -1)}
+STEPS_DEG = (1.0, 2.0)  # least and greatest, of types A and B that are turned into type C
+PER_LINE = 10
+
+
+def as_ies(light: Distribution, *, blender: bool = False) -> str:
+    """Return an LM-63-2002 text of the same light: its angles, candelas, lamps, watts and opening.
+
+    C planes keep their numbers, from 0° to 360°; types A and B stay what they are. Read back, it
+    gives the same intensities.
+
+    With `blender` it is made for Blender's IES Texture instead: on a light object that is not
+    turned, C0 shines along +X, C90 along +Y and gamma 0 down. Blender takes azimuth h to be the
+    direction (-sin h, -cos h), with the clock, so that h = 270° - C; it drops the light of the
+    first and the last cell of azimuth, so that one more of each is added. Types A and B become C,
+    in steps as fine as theirs (1° to 2°).
+    """
+    kind, longitude, vertical, table = light.kind, light.longitude, light.latitude, light.intensity
+    if blender and kind != "C":
+        longitude, vertical, table = _sampled(light)
+        kind = "C"
+    if kind == "C":
+        vertical = np.round(vertical + 90.0, 9)
+        longitude, table = _planes(longitude, table, blender)
+    if kind == "B":
+        longitude, vertical, table = vertical, longitude, table.T
+    unit = 1e3 if light.radiometric else 1.0
+    lamps = "1 -1" if light.lamp_flux is None else f"1 {light.lamp_flux!r}"
+    opening, counts = light.opening, f"{len(vertical)} {len(longitude)}"
+    size = np.array([opening.along_c90, opening.along_c0, opening.height], dtype=np.float64)
+    size = size * SIGNS.get(opening.shape, (1, 1, 1))
+    rows = ["IESNA:LM-63-2002", f"[LUMINAIRE] {light.name}", f"[OTHER] from {light.format}"]
+    rows += ["[OTHER] radiometric units, mW/sr"] * light.radiometric
+    if light.declared_flux is not None and light.lamp_flux is None:
+        rows.append(f"[_ABSOLUTELUMENS] {light.declared_flux * unit:.10g}")
+    rows += ["[OTHER] planes turned for Blender"] * blender
+    rows += ["TILT=NONE", f"{lamps} 1 {counts} {'CBA'.index(kind) + 1} 2 {_line(size)}"]
+    rows.append(f"1 1 {light.input_power or 0.0!r}")
+    for values in (vertical, longitude, *(unit * table)):
+        rows += [_line(values[i : i + PER_LINE]) for i in range(0, len(values), PER_LINE)]
+    return "\n".join(rows) + "\n"
+
+
+def _line(values: Array) -> str:
+    return " ".join(f"{value!r}".removesuffix(".0") for value in values.tolist())
+
+
+def _planes(longitude: Array, table: Array, blender: bool) -> tuple[Array, Array]:
+    """Return the planes from 0° to 360°, interpolated where the file has none at 0°."""
+    around, first = (-1.0, 270.0) if blender else (1.0, 0.0), longitude[0]
+    if not blender and len(longitude) == 2 and (table[0] == table[1]).all():
+        return longitude[:1], table[:1]
+    if not blender and longitude[0] == 0.0:
+        return longitude, table
+    turned = np.round(np.mod(around[0] * longitude + around[1], 360.0), 9)
+    turned = np.unique(np.append(turned % 360.0, [0.0, 360.0]))
+    if blender:
+        turned = np.concatenate([[turned[-2] - 360.0], turned, [turned[1] + 360.0]])
+    at = first + np.mod(around[0] * (turned - around[1]) - first, 360.0)
+    i, part = cells(longitude, at)[:2]
+    return turned, (1.0 - part)[:, None] * table[i] + part[:, None] * table[i + 1]
+
+
+def _sampled(light: Distribution) -> tuple[Array, Array, Array]:
+    """Return C planes, latitudes and the table of a light of type A or B."""
+    finest = min(np.diff(light.longitude).min(), np.diff(light.latitude).min())
+    step = 90.0 / np.ceil(90.0 / np.clip(finest, *STEPS_DEG))
+    planes, latitude = np.arange(0.0, 360.0 + step / 2, step), np.arange(-90.0, 90.1, step)
+    c, phi = np.radians(planes)[:, None], np.radians(latitude)
+    parts = np.cos(phi) * np.cos(c), np.cos(phi) * np.sin(c), np.sin(phi) + 0.0 * c
+    directions: Array = np.stack(parts, axis=-1).reshape(-1, 3)
+    return planes, latitude, light.luminous_intensity(directions).reshape(len(planes), -1)
