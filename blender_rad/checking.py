@@ -17,7 +17,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .coincidence import coincident_faces, left_out
 from .compare import Comparison, LightInfo, judge, judge_pictures
+from .direct import DirectLight
 from .emitters import emitters
 from .errors import Finding
 from .film import Film
@@ -134,6 +136,8 @@ class Check:
             per_light=True,
             seed=seed,
         )
+        self._light = self._clock("ours", partial(DirectLight, scene))
+        self._coincident = self._clock("ours", partial(coincident_faces, self._light))
         self.film: Film = self._clock("ours", self._render_ours)
         excess = (self.film.relative_standard_error / OUR_FIRST_ERROR) ** 2
         if terms.samples is None and excess > 1.0:
@@ -143,9 +147,11 @@ class Check:
         self._settings = replace(self._settings, samples=min(samples, OUR_MAX_SAMPLES))
         self.film = self._clock("ours", self._render_ours)
 
-    def _render_ours(self, scene: Scene | None = None) -> Film:
+    def _render_ours(self, other: Scene | None = None) -> Film:
         with bar("ours") as progress:
-            return render(scene or self.scene, self._settings, progress=progress)
+            scene, light = (other, None) if other else (self.scene, self._light)
+            film = render(scene, self._settings, light=light, progress=progress)
+        return left_out(film, self._coincident)
 
     def against_pictures(self, pictures: Pictures) -> Result:
         """Judge pictures (k, h, w, 3) that exist."""

@@ -9,6 +9,7 @@ from close below, a point that lies on two faces then shows two different ones.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +17,14 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from .cameras import camera_rays
+from .direct import DirectLight
 from .errors import Finding
+from .film import Film, neighbourhood_mean
 from .rays import Caster, Hits
 from .scene import Mesh, Scene, Unsupported
 from .surfaces import RAY_OFFSET, Geometry, Surface, cross, dot, normalized
 
+Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 FEATURE = "faces coincide with those of "
@@ -33,40 +37,50 @@ PARALLEL = 1.0 - 1e-6  # cosine of planes that stay together
 BATCH = 65536
 
 
-def coincident_pixels(scene: Scene, geometry: Geometry, seen: Caster) -> dict[Unsupported, Ints]:
-    """Return the pixels of the frame (k,) in which a face lies on another, by pair of objects.
+def coincident_faces(light: DirectLight) -> dict[Unsupported, Bools]:
+    """Return where in the picture (h, w) a face lies on another, by pair of objects.
 
     Model: one ray a pixel. A face in front of the one that is seen, which the camera does not see,
     counts as far up as our shadow rays start; one behind it as far as it hides light in Cycles.
     """
+    scene, rng = light.scene, np.random.default_rng(0)
     if scene.camera is None:
         return {}
-    rng = np.random.default_rng(0)
     loose = _cut_loose(scene, rng)
     width, height = scene.resolution
-    pixels: dict[Unsupported, list[Ints]] = {}
+    masks: dict[Unsupported, Bools] = {}
     for start in range(0, width * height, BATCH):
         pixel = np.arange(start, min(start + BATCH, width * height))
         row, column = np.divmod(pixel, width)
         corner = np.stack([column, height - 1 - row], axis=-1)
         rays = camera_rays(scene.camera, scene.resolution, corner + rng.random(corner.shape))
-        hits = seen.intersect(rays.origins, rays.directions)
+        hits = light.visibility.camera.intersect(rays.origins, rays.directions)
         met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))
         hits = hits.take(met)
-        surface = geometry.surface(hits, rays.directions.take(met, axis=0))
+        surface = light.geometry.surface(hits, rays.directions.take(met, axis=0))
         for side in (-1.0, 1.0):
-            rows, other = _others(hits, surface, geometry, loose, side)
+            rows, other = _others(hits, surface, light.geometry, loose, side)
             pairs = np.sort(np.stack([hits.instance[rows], other], axis=-1), axis=1)
             for pair in np.unique(pairs, axis=0):
-                found = pixel[met[rows[(pairs == pair).all(axis=1)]]]
-                pixels.setdefault(_cause(scene, pair), []).append(found)
-    return {cause: np.unique(np.concatenate(found)) for cause, found in pixels.items()}
+                mask = masks.setdefault(_cause(scene, pair), np.zeros((height, width), dtype=bool))
+                mask.flat[pixel[met[rows[(pairs == pair).all(axis=1)]]]] = True
+    return masks
 
 
-def coincident_faces(cause: Unsupported, pixels: int) -> Finding:
-    """Return the finding of a pair of objects that coincide in so many pixels."""
-    message = f"{cause.feature} in {pixels} pixels: what light Cycles gives them is chance"
-    return Finding("coincident-faces", "warning", cause.name, message)
+def left_out(film: Film, masks: Mapping[Unsupported, Bools]) -> Film:
+    """Return `film` with those pixels, and those around them, excluded, and a finding for each."""
+    for cause, mask in masks.items():
+        wider = (neighbourhood_mean(mask.astype(float), film.inside) > 0.0) & film.inside
+        if count := int(wider.sum()):
+            said = f"{cause.feature} in {count} pixels: what light Cycles gives them is chance"
+            finding = Finding("coincident-faces", "warning", cause.name, said)
+            film = replace(
+                film,
+                excluded=film.excluded | wider,
+                excluded_by={**film.excluded_by, cause: count},
+                findings=(*film.findings, finding),
+            )
+    return film
 
 
 def _others(

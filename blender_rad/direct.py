@@ -8,21 +8,22 @@ unoccluded irradiance E₀ is known in closed form it serves as a control variat
 
     Ê = c E₀ + f (V - c),
 
-with c the share of the *other* samples of the same group (pixel, meter) that see the light. c does
-not depend on f or V, so Ê is unbiased; it is exact without noise where the light is all visible
-(c = V = 1) or all hidden (c = V = 0), and in between only what visibility leaves open is noisy.
+with c the share of the samples of the *other* streams of the same pixel, so far, that see the
+light. c does not depend on f or V, so Ê is unbiased; it is exact without noise where the light is
+all visible (c = V = 1) or all hidden (c = V = 0), and in between only what visibility leaves open is
+noisy. c gathers over the streams' whole history: samples of one index in two streams follow the
+same pattern of digits, and the mean of c (E₀ - f) over equal indices would not fall with their
+number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .coincidence import coincident_pixels
 from .emitters import Emitter, emitters
 from .lights import LightSample
 from .rays import Caster
@@ -96,6 +97,36 @@ class Arrival(NamedTuple):
     exclusions: list[Exclusion]
 
 
+Share = Callable[[int, Ints, Bools], Floats]  # emitter's number, points lit (k,), seen (k,) -> (n,)
+
+
+class Sightings:
+    """How often the streams of a pixel, or of a meter, have seen each emitter.
+
+    Parameters
+    ----------
+    emitters, places, streams : how many there are.
+    """
+
+    def __init__(self, emitters: int, places: int, streams: int) -> None:
+        self._counts = np.zeros((emitters, places, streams, 2), dtype=np.uint16)  # hidden, seen
+
+    def share(
+        self, place: Ints, stream: Ints, number: int, lit: Ints, seen: Bools
+    ) -> Floats:
+        """Count the samples `lit`, no two of one stream, and return c (n,); 1 before any is known.
+
+        `place` and `stream` (n,) tell where samples belong.
+        """
+        counts = self._counts[number]
+        counts[place[lit], stream[lit], seen.astype(np.intp)] += 1
+        found = counts.take(place, axis=0)
+        others = found.sum(axis=1, dtype=float)
+        others -= found[np.arange(len(place)), stream]
+        tested = others.sum(axis=1)
+        return np.divide(others[:, 1], tested, out=np.ones_like(tested), where=tested > 0)
+
+
 class DirectLight:
     """The direct light of a scene, anywhere.
 
@@ -111,20 +142,15 @@ class DirectLight:
         self.visibility = Visibility(scene)
         self.emitters, self.names = emitters(scene)
 
-    @cached_property
-    def coincident(self) -> dict[Unsupported, Ints]:
-        """Pixels (k,) of the frame in which faces lie on others, by pair of objects."""
-        return coincident_pixels(self.scene, self.geometry, self.visibility.camera)
-
     def arrivals(
-        self, surface: Surface, group: Ints, uniform: Callable[[int], Floats]
+        self, surface: Surface, share: Share, uniform: Callable[[int], Floats]
     ) -> Iterator[Arrival]:
         """Yield the light of each emitter that reaches any of the points.
 
         Parameters
         ----------
         surface : n points.
-        group : (n,) points of equal numbers, counted from 0, share a control variate.
+        share : gives c (n,), such as `Sightings.share`.
         uniform : gives points (n, 2) in [0, 1) for the emitter of a number.
         """
         for number, emitter in enumerate(self.emitters):
@@ -141,12 +167,13 @@ class DirectLight:
                 reached = Exclusion(lit[seen], emitter.cause)
                 yield Arrival(emitter, np.zeros(len(value)), [reached, *exclusions])
                 continue
-            visible = np.zeros(len(value))
-            visible[lit] = seen
+            irradiance = np.zeros(len(value))
+            irradiance[lit] = value[lit] * seen
             exact = self._exact(emitter, surface)
-            irradiance = value * visible
             if exact is not None:
-                irradiance = _controlled(value, visible, lit, exact, group)
+                known = np.isfinite(exact)
+                control = share(number, lit, seen)
+                irradiance += np.where(known, control * (np.where(known, exact, 0.0) - value), 0.0)
             yield Arrival(emitter, irradiance, exclusions)
 
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
@@ -208,18 +235,3 @@ def _aimed(wi: Floats, reach: Floats, lift: Floats) -> tuple[Floats, Floats]:
     length = np.maximum(np.sqrt(dot(target, target)), 1e-300)
     aimed = target / length[:, None]
     return np.where(near[:, None], aimed, wi), np.where(near, length, np.inf)
-
-
-def _controlled(
-    value: Floats, visible: Floats, lit: Ints, exact: Floats, group: Ints
-) -> Floats:
-    """Return estimates (n,) with the closed form `exact` as control variate where it is known."""
-    tested = np.zeros(len(value))
-    tested[lit] = 1.0
-    groups = int(group[-1]) + 1 if len(group) else 0
-    others = np.bincount(group, tested, groups)[group] - tested
-    seen = np.bincount(group, visible, groups)[group] - visible
-    share = np.divide(seen, others, out=np.ones_like(seen), where=others > 0)
-    known = np.isfinite(exact)
-    share[~known] = 0.0
-    return share * np.where(known, exact, 0.0) + value * (visible - share)

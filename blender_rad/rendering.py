@@ -16,14 +16,14 @@ import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import CameraRays, camera_rays, view_depth
-from .coincidence import coincident_faces
-from .direct import DirectLight
+from .direct import DirectLight, Share, Sightings
 from .errors import RadError
 from .film import Film, neighbourhood_mean
 from .pixels import Batch, Pixels
@@ -39,7 +39,7 @@ T = TypeVar("T", bound=np.generic)
 
 STREAMS = 2  # the fewest that tell of a spread: points spread the more evenly, the longer a stream
 BATCH = 16384  # camera samples worked off at a time, so that arrays stay near the processor
-MAX_SAMPLES = STREAMS * MAX_POINTS
+MAX_SAMPLES = MAX_POINTS
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
 
 
@@ -118,14 +118,12 @@ class _Run:
         self.albedo = np.array([m.albedo for m in scene.materials]).reshape(-1, 3)
         self.emission = np.array([m.emission for m in scene.materials]).reshape(-1, 3)
         self.unsupported = [m.unsupported for m in scene.materials]
+        self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
         self.inside = _inside(scene)
         self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
-        self.excluded = [  # appended to by threads, atomically
-            (cause, np.flatnonzero(np.isin(self.place, pixels)))
-            for cause, pixels in light.coincident.items()
-        ]
         layers = len(self.light.names) if settings.per_light else 0
         self.sums = Pixels(layers, len(self.place), STREAMS)
+        self.sightings = Sightings(len(light.emitters), len(self.place), STREAMS)
         self.progress = progress or (lambda share: None)
         self.cancel = cancel or threading.Event()
         limit = settings.time_limit
@@ -219,7 +217,12 @@ class _Run:
             directions = rays.directions.take(batch.hits, axis=0)
             surface = self.light.geometry.surface(hits.take(batch.hits), directions)
             radiance += batch.spread(self._surfaces(batch, surface))
-            radiance += batch.spread(self._reflected(batch, surface, uniform))
+            share = partial(
+                self.sightings.share,
+                rows[batch.pixel_of_hit],
+                stream.reshape(-1).take(batch.hits),
+            )
+            radiance += batch.spread(self._reflected(batch, surface, share, uniform))
         sums = self.sums
         sums.streams[rows[:, None], stream] += batch.by_pixel(radiance)
         sums.taken[rows] += count
@@ -239,11 +242,12 @@ class _Run:
             sums.seen[rows] += batch.total(batch.spread(emission))
         return emission
 
-    def _reflected(self, batch: Batch, surface: Surface, uniform: Points) -> Floats:
+    def _reflected(
+        self, batch: Batch, surface: Surface, share: Share, uniform: Points
+    ) -> Floats:
         """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
         sums, rows = self.sums, batch.rows
         brdf = (self.albedo / np.pi).take(surface.material, axis=0)
-        group = np.cumsum(np.diff(batch.pixel_of_hit, prepend=batch.pixel_of_hit[0]) != 0)
         everything = len(batch.hits) == batch.count
 
         def random(number: int) -> Floats:
@@ -251,7 +255,7 @@ class _Run:
             return pairs if everything else pairs.take(batch.hits, axis=0)
 
         irradiance = np.zeros_like(brdf)
-        for arrival in self.light.arrivals(surface, group, random):
+        for arrival in self.light.arrivals(surface, share, random):
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:
                 self._exclude(batch, batch.hits[exclusion.rows], exclusion.cause)
@@ -308,8 +312,6 @@ class _Run:
         samples = sums.taken
         weight = 1.0 / np.maximum(samples, 1)
         masks = self._excluded_by()
-        counts = {cause: int(mask.sum()) for cause, mask in masks.items()}
-        found = [coincident_faces(c, counts[c]) for c in self.light.coincident if counts[c]]
         excluded = np.any([np.zeros(len(samples), dtype=bool), *masks.values()], axis=0)
         lights, noise = (
             dict(zip(self.light.names, map(self._framed, layers), strict=False))
@@ -329,8 +331,8 @@ class _Run:
             samples=self._framed(samples),
             inside=self.inside,
             excluded=self._framed(excluded),
-            excluded_by=counts,
-            findings=(*scene.findings, *found),
+            excluded_by={cause: int(mask.sum()) for cause, mask in masks.items()},
+            findings=scene.findings,
         )
 
     def _excluded_by(self) -> dict[Unsupported, Bools]:

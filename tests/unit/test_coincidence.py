@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blender_rad.checking import Check, Terms
+from blender_rad.coincidence import coincident_faces
 from blender_rad.direct import DirectLight
-from blender_rad.rendering import Settings, render
 from blender_rad.scene import Instance, Mesh
 from tests.handmade import Floats, ball, camera_above, mesh, moved, scene, square
 
@@ -23,8 +24,8 @@ def seen(
     instances = [Instance(f"{k}", m, place, (0,)) for k, (m, place) in enumerate(places)]
     camera = replace(camera_above(), world_from_camera=moved(at, at, 10.0))
     made = scene(meshes, instances, [], camera, resolution=(64, 64))
-    found = DirectLight(made).coincident
-    return {(c.name, c.feature.split()[-1]): len(p) / 64**2 for c, p in found.items()}
+    found = coincident_faces(DirectLight(made))
+    return {(c.name, c.feature.split()[-1]): float(m.mean()) for c, m in found.items()}
 
 
 def joined(*parts: Mesh) -> Mesh:
@@ -87,7 +88,7 @@ def test_nothing_else_is(meshes: list[Mesh], places: list[tuple[int, Floats]], a
 
 def test_they_are_left_out_with_a_finding() -> None:
     instances = [Instance("floor", 0, HERE, (0,)), Instance("patch", 1, HERE, (0,))]
-    film = render(scene([FLOOR, square(1.0)], instances, []), Settings(samples=2))
+    film = Check(scene([FLOOR, square(1.0)], instances, []), Terms(samples=2)).film
     assert film.excluded.mean() == pytest.approx((10 / 16) ** 2)  # with the rim of a pixel
     (finding,) = film.findings
     assert (finding.code, finding.object) == ("coincident-faces", "floor")
