@@ -27,15 +27,15 @@ Rounds. Looking again after more samples is another chance to err: round i = 0, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .factors import Problem
 from .pools import MAX_DF, Array, Estimates, Mask, Pools
-from .result import MIN_ENERGY
+from .result import MIN_ENERGY, Verdict
 from .statistics import critical_value, holm, p_equivalent, p_outside, t_quantile
 
 TILE_TOLERANCES = 5.0
@@ -46,62 +46,83 @@ FRAME, TILES = -1, -2
 
 
 @dataclass(frozen=True)
-class Claims:
+class Claims(Estimates):
     """Differences with tolerances; each either within, outside, or not known yet.
 
     Attributes
     ----------
-    delta, error, our_share, df, tolerance : (n,).
+    tolerance : (n,).
     weight : (n,) for Holm.
     required : (n,) whether `agree` needs it.
     group : (n,) the group of lights that it is about, `FRAME` or `TILES`.
     """
 
-    delta: Array
-    error: Array
-    our_share: Array
-    df: Array
     tolerance: Array
     weight: Array
     required: Mask
     group: NDArray[np.int64]
 
+    def p_outside(self) -> Array:
+        """Return the p-values against being within, (n,)."""
+        return p_outside(self.value, self.error, self.df, self.tolerance)
+
     def outside(self, alpha: float) -> Mask:
         """Return which differences are significantly beyond their tolerance, by Holm, (n,)."""
-        return holm(p_outside(self.delta, self.error, self.df, self.tolerance), alpha, self.weight)
+        return holm(self.p_outside(), alpha, self.weight)
 
     def within(self, alpha: float) -> Mask:
-        """Return which differences are shown to be within their tolerance, (n,)."""
-        return p_equivalent(self.delta, self.error, self.df, self.tolerance) <= alpha
+        """Return which differences are shown to be within their tolerance, (n,); none for 0."""
+        return p_equivalent(self.value, self.error, self.df, self.tolerance) < alpha
+
+    def verdict(self, outside: Mask, within: Mask) -> Verdict:
+        """Return what follows from which are outside and which within."""
+        if outside.any():
+            return "differ"
+        return "agree" if within[self.required].all() else "undecided"
+
+    def verdicts(self, count: int, outside: Mask, within: Mask) -> list[Verdict]:
+        """Return what follows for each of `count` groups of lights."""
+        verdicts: list[Verdict] = ["undecided"] * count
+        for g in np.unique(self.group[self.group >= 0]):
+            mine = self.group == g
+            verdicts[g] = self.at(mine).verdict(outside[mine], within[mine])
+        return verdicts
 
 
 def _family(
-    known: Estimates, truth: float, tolerance: Array, level: float, group: int | NDArray[np.int64]
+    known: Estimates,
+    truth: float,
+    tolerance: Array | float,
+    level: float,
+    group: int | NDArray[np.int64],
+    *,
+    required: bool = True,
 ) -> Claims:
     """Return the claims that each of `known` is `truth`; they share `level` of α equally."""
     count = len(known.value)
     return Claims(
         known.value - truth,
-        known.error,
-        known.our_variance / known.error**2,
+        known.witness_variance,
+        known.our_variance,
         known.df,
-        tolerance,
+        np.broadcast_to(tolerance, count),
         np.full(count, level / max(count, 1)),
-        np.ones(count, bool),
+        np.full(count, required),
         np.broadcast_to(np.asarray(group, np.int64), count),
     )
 
 
-def _about_lights(problem: Problem, tolerance: float) -> list[Claims]:
+def claims_of_lights(problem: Problem, known: Estimates, tolerance: float) -> Claims:
+    """Return the claims that the factors `known` of the groups are 1, of those that count."""
     groups = np.flatnonzero(problem.energy >= MIN_ENERGY)
-    limit = np.full(len(groups), tolerance)
-    claims = [_family(problem.known.at(groups), 1.0, limit, LIGHTS_LEVEL, groups)]
+    return _family(known.at(groups), 1.0, tolerance, LIGHTS_LEVEL, groups)
+
+
+def _of_colours(problem: Problem, tolerance: float) -> Iterable[Claims]:
     for c, energy in enumerate(problem.channel_energy().T):
-        lit = groups[energy[groups] >= MIN_ENERGY]
-        limit = np.full(len(lit), tolerance)
-        colour = _family(problem.channel_factors(c).at(lit), 1.0, limit, LEVEL / 3.0, lit)
-        claims.append(replace(colour, required=np.zeros(len(lit), bool)))
-    return claims
+        lit = np.flatnonzero((energy >= MIN_ENERGY) & (problem.energy >= MIN_ENERGY))
+        known = problem.channel_factors(problem.columns, c).at(lit)
+        yield _family(known, 1.0, tolerance, LEVEL / 3.0, lit, required=False)
 
 
 def claims_of(pools: Pools, problem: Problem, tolerance: float) -> Claims:
@@ -109,7 +130,8 @@ def claims_of(pools: Pools, problem: Problem, tolerance: float) -> Claims:
     tiles = TILE_TOLERANCES * tolerance * pools.tile_scale
     families = [
         _family(pools.frame, 0.0, tolerance * pools.frame_scale, LEVEL, FRAME),
-        *_about_lights(problem, tolerance),
+        claims_of_lights(problem, problem.known, tolerance),
+        *_of_colours(problem, tolerance),
         _family(pools.tiles, 0.0, tiles, LEVEL, TILES),
     ]
     return Claims(*(
@@ -118,27 +140,8 @@ def claims_of(pools: Pools, problem: Problem, tolerance: float) -> Claims:
     ))
 
 
-class Forecast(NamedTuple):
-    """What would settle an open comparison.
-
-    Attributes
-    ----------
-    factor : how many times the samples would probably decide the next round.
-    least : how many times they must be at least, even if there were no difference at all.
-    our_share : part of the variance that is ours.
-    error : of the claim that holds the verdict up, relative to its tolerance.
-    group : of that claim.
-    """
-
-    factor: float
-    least: float
-    our_share: float
-    error: float
-    group: int
-
-
-def foretell(claims: Claims, alpha: float) -> Forecast:
-    """Return how many times the samples would decide the next round, and whose they should be.
+def foretell(claims: Claims, alpha: float) -> tuple[int, dict[str, float]]:
+    """Return the group that holds the verdict up, and `Comparison`'s numbers of what would help.
 
     Noise falls as 1/√n: a claim needs (t σ / gap)², where the gap is the distance from its
     difference to the tolerance. A difference that is itself noise says nothing about the gap, which
@@ -148,14 +151,12 @@ def foretell(claims: Claims, alpha: float) -> Forecast:
     """
     open_ = claims.required & ~claims.within(alpha)
     alpha = 0.5 * alpha  # of the next round
-    size, df = np.abs(claims.delta), float(claims.df[open_].min())
-    gap = np.maximum(np.abs(size - claims.tolerance), np.minimum(claims.tolerance, claims.error))
-    t = critical_value(alpha, df)
-    needed = SAFETY * (t * claims.error / gap) ** 2
-    error = claims.error / claims.tolerance
-    least = (critical_value(alpha, MAX_DF) * error) ** 2
-    p = p_outside(claims.delta, claims.error, claims.df, claims.tolerance)
-    clear = p <= HINT * claims.weight
+    size, limit, noise = np.abs(claims.value), claims.tolerance, claims.error
+    t = critical_value(alpha, float(claims.df[open_].min()))
+    gap = np.maximum(np.abs(size - limit), np.minimum(limit, noise))
+    needed = SAFETY * (t * noise / gap) ** 2
+    least = (critical_value(alpha, MAX_DF) * noise / limit) ** 2
+    clear = claims.p_outside() <= HINT * claims.weight
     if clear.any():
         t_differ = t_quantile(alpha * claims.weight[clear], claims.df[clear])
         needed[clear] *= (t_differ / t) ** 2
@@ -163,10 +164,9 @@ def foretell(claims: Claims, alpha: float) -> Forecast:
         chosen = np.flatnonzero(clear)[np.argmin(needed[clear])]
     else:
         chosen = np.flatnonzero(open_)[np.argmax(needed[open_])]
-    return Forecast(
-        max(float(needed[chosen]), 1.25),
-        float(least[chosen]),
-        float(claims.our_share[chosen]),
-        float(error[chosen]),
-        int(claims.group[chosen]),
-    )
+    return int(claims.group[chosen]), {
+        "needed_factor": max(float(needed[chosen]), 1.25),
+        "least_factor": float(least[chosen]),
+        "our_noise_share": float(claims.our_variance[chosen] / noise[chosen] ** 2),
+        "held_up_error": float(noise[chosen] / limit[chosen]),
+    }

@@ -4,25 +4,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import Finding
-from .factors import Problem, fit
+from .claims import claims_of_lights
+from .factors import Problem, fit, problem_from_cells
 from .pools import (
     CELLS_A_TILE,
     Array,
     Cells,
     Estimates,
+    Mask,
     Pools,
     kept_tiles,
+    pool,
     tile_means,
-    worst_tile,
 )
 from .result import MIN_ENERGY, Verdict
-from .statistics import p_equivalent, p_outside
 
 KM = 683.002  # lm/W, photopic
 CYCLES_IES = 177.83  # lm/W, of Cycles' IES texture
@@ -33,106 +36,79 @@ NEGLIGIBLE = 0.25  # of the tolerance: structure below it is left alone
 MAX_ERROR = 0.02  # a factor known no better would fit too many causes by chance
 SLACK = 1e-3  # relative; Cycles itself is up to 3e-4 off the closed forms
 
-_FALLING_OFF = frozenset({"POINT", "SPOT", "AREA"})
 
-
-@dataclass(frozen=True)
-class Cause:
-    """A mistake that multiplies a light by a number.
+class Cause(NamedTuple):
+    """A mistake that multiplies a light by a number, or divides it.
 
     Attributes
     ----------
     code, message : key and explanation of the finding.
-    factors : the light's factors in the witness that it may cause, for a unit scale in m.
-    types : the light types that it can hit, empty for all.
+    value, power : the number is ``value * unit scale in m ** power``.
+    types : the light types that it can hit, separated by blanks; none for all.
     """
 
     code: str
     message: str
-    factors: Callable[[float], tuple[float, ...]]
-    types: frozenset[str] = frozenset()
+    value: float
+    types: str = ""
+    power: int = 0
+
+    def factors(self, scale: float) -> set[float]:
+        """Return the light's factors in the witness that it may cause, for a unit scale in m."""
+        value = self.value * scale**self.power
+        return {value, 1.0 / value} if value else {0.0}
 
 
-def _both(value: float) -> tuple[float, float]:
-    return value, 1.0 / value
-
-
+_FALLING_OFF = "POINT SPOT AREA"
+_LUMENS = "lumens turned into watts with {:g} on one side and 683.002 lm/W on the other"
 CAUSES = (
-    Cause("hidden", "missing, hidden or linked away in the witness", lambda scale: (0.0,)),
+    Cause("hidden", "missing, hidden or linked away in the witness", 0.0),
     Cause(
         "unit-scale",
         "its fall-off counts metres on one side and Blender units on the other: unit scale squared",
-        lambda scale: _both(scale**2),
+        1.0,
         _FALLING_OFF,
+        power=2,
     ),
     Cause(
         "area-four-over-pi",
         "area light powers of before Blender 4.0, P/(4A) in place of P/(πA): π/4 or 4/π",
-        lambda scale: _both(4.0 / math.pi),
-        frozenset({"AREA"}),
+        4.0 / math.pi,
+        "AREA",
     ),
-    Cause(
-        "efficacy-cycles-ies",
-        "lumens turned into watts with 177.83 on one side and 683.002 lm/W on the other",
-        lambda scale: _both(KM / CYCLES_IES),
-        _FALLING_OFF,
-    ),
-    Cause(
-        "efficacy-radiance",
-        "lumens turned into watts with 179 on one side and 683.002 lm/W on the other",
-        lambda scale: _both(KM / RADIANCE),
-        _FALLING_OFF,
-    ),
-    Cause("pi", "radiance taken for radiosity: π", lambda scale: _both(math.pi)),
-    Cause(
-        "four-pi",
-        "intensity taken for power: 4π",
-        lambda scale: _both(4.0 * math.pi),
-        frozenset({"POINT", "SPOT"}),
-    ),
+    Cause("efficacy-cycles-ies", _LUMENS.format(CYCLES_IES), KM / CYCLES_IES, _FALLING_OFF),
+    Cause("efficacy-radiance", _LUMENS.format(RADIANCE), KM / RADIANCE, _FALLING_OFF),
+    Cause("pi", "radiance taken for radiosity: π", math.pi),
+    Cause("four-pi", "intensity taken for power: 4π", 4.0 * math.pi, "POINT SPOT"),
 )
+Matches = list[tuple[Cause, float]]
 
 
-@dataclass(frozen=True)
-class Clues:
-    """What the caller knows beyond the pictures.
-
-    Attributes
-    ----------
-    alternatives : for a light's name, by code of a cause, the (n,)-flattened cell sums of the layer
-        that the light would have under it.
-    unit_scale_m : of the file.
-    film_exposure : of the file, or None.
-    """
-
-    alternatives: Mapping[str, Mapping[str, Array]]
-    unit_scale_m: float
-    film_exposure: float | None
+def _near(value: float, predicted: float, error: float) -> bool:
+    return abs(value - predicted) <= SIGMAS * error + SLACK * predicted
 
 
-@dataclass(frozen=True)
-class Case:
-    """A comparison that differs, and all that may tell why.
-
-    Attributes
-    ----------
-    types : light type by name.
-    verdicts : of the groups of `problem`, from the fit of our own layers.
-    alpha : level of tests.
-    """
-
-    problem: Problem
-    cells: Cells
-    pools: Pools
-    types: Mapping[str, str]
-    verdicts: Sequence[Verdict]
-    clues: Clues
-    tolerance: float
-    alpha: float
+def match_factor(factor: float, error: float, types: set[str], scale: float) -> Matches:
+    """Return the causes that explain a factor of lights of all `types`, with what each predicts."""
+    if error > MAX_ERROR * max(abs(factor), 1.0):
+        return []
+    return [
+        (cause, value)
+        for cause in CAUSES
+        if not cause.types or types <= set(cause.types.split())
+        for value in cause.factors(scale)
+        if not _near(value, 1.0, error) and _near(factor, value, error)
+    ]
 
 
-@dataclass(frozen=True)
-class Named:
+class Left(NamedTuple):
+    """What a fit leaves of the witness: mean square relative structure, and its standard error."""
+
+    square: float
+    error: float
+
+
+class Named(NamedTuple):
     """A cause found for one group, with the layer (p,) that it predicts for it, unscaled."""
 
     code: str
@@ -143,12 +119,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is known of each group once the causes are: an innocent light is cleared.
-
-    Attributes
-    ----------
-    factors, verdicts, causes : of the groups.
-    """
+    """What is known of each group once the causes are: an innocent light is cleared."""
 
     factors: Estimates
     verdicts: list[Verdict]
@@ -156,56 +127,78 @@ class Diagnosis:
     findings: list[Finding]
 
 
-def _near(value: float, predicted: float, error: float) -> bool:
-    return abs(value - predicted) <= SIGMAS * error + SLACK * predicted
+@dataclass(frozen=True)
+class Case:
+    """A comparison, and all that may tell why it differs.
 
-
-def match_factor(
-    factor: float, error: float, type_: str, scale: float
-) -> list[tuple[Cause, float]]:
-    """Return the causes, each with the factor it predicts, that explain a light's factor."""
-    if error > MAX_ERROR * max(abs(factor), 1.0):
-        return []
-    return [
-        (cause, value)
-        for cause in CAUSES
-        if not cause.types or type_.upper() in cause.types
-        for value in cause.factors(scale)
-        if not _near(value, 1.0, error) and _near(factor, value, error)
-    ]
-
-
-def _left(case: Case, columns: Array, known: Estimates) -> Array:
-    """Return what `columns` at their factors leave of the witness, tile means (r, t, 3)."""
-    model = case.cells.seen + (known.value @ columns).reshape(case.cells.seen.shape)
-    return tile_means(case.cells, case.cells.residual(model))
-
-
-def _tile_scale(pools: Pools) -> Array:
-    return np.maximum(pools.tile_scale.reshape(-1, 3), np.finfo(float).tiny ** 0.5)
-
-
-def misfit(case: Case, left: Array) -> tuple[float, float]:
-    """Return the mean square relative structure in `left` (r, t, 3), and its standard error.
-
-    Notes
-    -----
-    Products of different replicates, Σ_{i≠j} Σ_t x_i x_j / (r (r−1)), have no noise on average: it
-    needs no noise model to see whether a fit is right. Tiles count by 1/scale, as the noise of
-    light does.
+    Attributes
+    ----------
+    types : light type by name.
+    tolerance, alpha, agree_alpha : of the lights; levels of the tests for `differ` and `agree`.
+    alternatives : for a light's name, by code of a cause, the (p,)-flattened cell sums of the layer
+        that the light would have under it.
+    unit_scale_m, film_exposure : of the file.
     """
-    if left.size == 0:
-        return 0.0, 0.0
-    count = len(left)
-    scale = _tile_scale(case.pools)
-    total = left.sum(axis=0)
-    products = np.sum(left * (total - left) / scale, axis=(1, 2)) / (count - 1) / scale.sum()
-    return float(products.mean()), float(2.0 * products.std(ddof=1) / math.sqrt(count))
 
+    cells: Cells
+    types: Mapping[str, str]
+    tolerance: float
+    alpha: float
+    agree_alpha: float
+    alternatives: Mapping[str, Mapping[str, Array]]
+    unit_scale_m: float
+    film_exposure: float | None
 
-def _is_structure(case: Case, found: tuple[float, float]) -> bool:
-    value, error = found
-    return value > max(SIGMAS * error, (case.tolerance * NEGLIGIBLE) ** 2)
+    @cached_property
+    def pools(self) -> Pools:
+        """Differences of the frame and the tiles."""
+        return pool(self.cells)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The fit of all lights."""
+        return problem_from_cells(self.cells, self.pools)
+
+    def verdicts(self, known: Estimates) -> list[Verdict]:
+        """Return those of the groups from their factors."""
+        claims = claims_of_lights(self.problem, known, self.tolerance)
+        outside, within = claims.outside(self.alpha), claims.within(self.agree_alpha)
+        return claims.verdicts(len(known.value), outside, within)
+
+    @property
+    def tile_scale(self) -> Array:
+        """What tiles count relative to, (t, 3)."""
+        return np.maximum(self.pools.tile_scale.reshape(-1, 3), np.finfo(float).tiny ** 0.5)
+
+    def left(self, columns: Array, known: Estimates) -> Array:
+        """Return what `columns` at their factors leave of the witness, tile means (r, t, 3)."""
+        model = self.cells.seen + (known.value @ columns).reshape(self.cells.seen.shape)
+        return tile_means(self.cells, self.cells.residual(model))
+
+    def misfit(self, left: Array, kept: Mask | None = None) -> Left:
+        """Return how much structure there is in `left` (r, t, 3), in the tiles `kept` (t,).
+
+        Notes
+        -----
+        Products of different replicates, Σ_{i≠j} Σ_t x_i x_j / (r (r−1)), have no noise of the
+        witness on average: it needs no noise model to see whether a fit is right. Ours is the same
+        in all; its variance v is taken off, which is known to √2 v, and three channels share it.
+        Tiles count by 1/scale, as the noise of light does.
+        """
+        if left.size == 0:
+            return Left(0.0, 0.0)
+        count, scale = len(left), self.tile_scale
+        weight = (1.0 if kept is None else kept[:, None]) / scale / scale.sum()
+        ours = weight * self.pools.tiles.our_variance.reshape(-1, 3)
+        total = left.sum(axis=0)
+        products = np.sum(left * (total - left) * weight, axis=(1, 2)) / (count - 1)
+        theirs = 2.0 * products.std(ddof=1) / math.sqrt(count)
+        error = math.hypot(theirs, math.sqrt(2.0 * 3.0) * np.linalg.norm(ours))
+        return Left(float(products.mean() - ours.sum()), error)
+
+    def is_structure(self, found: Left) -> bool:
+        """Tell whether `found` is neither noise nor negligible."""
+        return found.square > max(SIGMAS * found.error, (self.tolerance * NEGLIGIBLE) ** 2)
 
 
 def _shapes(case: Case, columns: Array, g: int) -> list[Named]:
@@ -214,14 +207,13 @@ def _shapes(case: Case, columns: Array, g: int) -> list[Named]:
     layers = case.cells.layers.reshape(len(names), -1)
     shapes: list[Named] = []
     for j in problem.groups[g]:
-        for code, layer in case.clues.alternatives.get(names[j], {}).items():
+        for code, layer in case.alternatives.get(names[j], {}).items():
             effect = 100.0 * float(layer.sum() / layers[j].sum() - 1.0)
             message = f"looks as {code} predicts, {effect:+.2f} % of its light"
             shapes.append(Named(code, message, effect, columns[g] + layer - layers[j]))
     lit = problem.channel_energy()[g] >= MIN_ENERGY
     if lit.sum() > 1:
-        channels = [fit(columns, problem.target, problem.weights * only, problem.variance).value[g]
-                    for only in np.arange(columns.shape[1]) % 3 == np.arange(3)[:, None]]
+        channels = [problem.channel_factors(columns, c).value[g] for c in range(3)]
         values = np.where(lit, channels, 1.0)
         scaled = (columns[g].reshape(-1, 3) * values).ravel()
         listed = ", ".join(f"{v:.4g}" for v in values)
@@ -231,196 +223,34 @@ def _shapes(case: Case, columns: Array, g: int) -> list[Named]:
     return shapes
 
 
-def _reshape(case: Case) -> tuple[Array, dict[int, Named]]:
-    """Return the columns that leave least structure, and the groups that were changed for it.
+def _reshape(case: Case, verdicts: Sequence[Verdict]) -> dict[int, Named]:
+    """Return the shapes of groups that leave least structure.
 
     One group after the other takes the shape that helps most, as long as it halves what is left
     and needs no further factor. Where scaling leaves nothing, an alternative that needs no factor
     still explains more than one that has no name.
     """
-    columns, named = case.problem.columns.copy(), dict[int, Named]()
-    current = misfit(case, _left(case, columns, case.problem.known))
-    for _ in case.problem.groups:
-        structured = _is_structure(case, current)
-        best: tuple[tuple[float, float], int, Named] | None = None
-        for g in range(len(columns)):
-            if g in named or case.problem.energy[g] == 0.0:
-                continue
-            for shape in _shapes(case, columns, g):
-                tried = columns.copy()
-                tried[g] = shape.column
-                known = case.problem.factors(tried)
-                found = misfit(case, _left(case, tried, known))
-                free = shape.code != "colour" and case.verdicts[g] == "differ"
-                good = found[0] < 0.5 * current[0] if structured else free and not _is_structure(
-                    case, found
-                )
-                if good and _near(known.value[g], 1.0, known.error[g]) and (
-                    best is None or found[0] < best[0][0]
-                ):
-                    best = found, g, shape
-        if best is None:
+    problem, named = case.problem, dict[int, Named]()
+    current = case.misfit(case.left(problem.columns, problem.known))
+    for _ in problem.groups:
+        structured, columns = case.is_structure(current), _with_shapes(problem.columns, named)
+        tried: list[tuple[Left, int, Named]] = []
+        for g in np.flatnonzero(problem.energy).tolist():
+            for shape in _shapes(case, columns, g) if g not in named else []:
+                changed = _with_shapes(columns, {g: shape})
+                known = problem.factors(changed)
+                found = case.misfit(case.left(changed, known))
+                if structured:
+                    good = found.square < 0.5 * current.square
+                else:
+                    free = shape.code != "colour" and verdicts[g] == "differ"
+                    good = free and not case.is_structure(found)
+                if good and _near(float(known.value[g]), 1.0, float(known.error[g])):
+                    tried.append((found, g, shape))
+        if not tried:
             break
-        current, g, named[g] = best
-        columns[g] = named[g].column
-    return columns, named
-
-
-def _matches(case: Case, g: int, known: Estimates) -> list[tuple[Cause, float]]:
-    """Return the causes that explain the factor of group `g` for each type of light in it."""
-    types = {case.types[case.cells.names[j]] for j in case.problem.groups[g]}
-    found = [
-        match_factor(known.value[g], known.error[g], type_, case.clues.unit_scale_m)
-        for type_ in sorted(types)
-    ]
-    return [match for match in found[0] if all(match in others for others in found)]
-
-
-def _by_factor(case: Case, g: int, known: Estimates) -> Named | None:
-    """Return the one cause that explains the factor of group `g`."""
-    matches = _matches(case, g, known)
-    if len(matches) != 1:
-        return None
-    cause, predicted = matches[0]
-    value, error = known.value[g], known.error[g]
-    message = f"{cause.message}; predicted {predicted:.5g}, measured {value:.5g} ± {error:.2g}"
-    return Named(cause.code, message, 100.0 * (value - 1.0), case.problem.columns[g])
-
-
-def _exposure(case: Case) -> tuple[float, bool] | None:
-    """Return the factor of everything, directly seen emission too; and whether it is proven.
-
-    It is where the file states it, or where seen emission shares it; else it may be lights alone.
-    """
-    problem = case.problem
-    columns = np.vstack([problem.columns, problem.seen])
-    target = problem.target + problem.seen * (problem.weights > 0)
-    known = fit(columns, target, problem.weights, problem.variance)
-    size = np.abs(columns.sum(axis=1))
-    counts = size >= 0.01 * size.sum()
-    value, error = known.value[counts], known.error[counts]
-    if not counts.any():
-        return None
-    common = float(np.average(value, weights=1.0 / error**2))
-    error_of_common = float(1.0 / np.linalg.norm(1.0 / error))
-    shared = all(_near(v, common, e) for v, e in zip(value, error, strict=True))
-    if not shared or _near(common, 1.0, error_of_common) or common <= SIGMAS * error_of_common:
-        return None
-    stated = case.clues.film_exposure
-    if stated is not None:
-        return (common, True) if _near(common, stated, error_of_common) else None
-    return (common, bool(counts[-1])) if counts.sum() > 1 else None
-
-
-def _exposed(case: Case, factor: float) -> Diagnosis:
-    stated = case.clues.film_exposure
-    said = "" if stated is None else f"; the file says {stated:.5g}"
-    message = f"everything is {factor:.5g} times ours{said}"
-    finding = Finding("film-exposure", "error", "", message, 100.0 * (factor - 1.0))
-    causes = ["film-exposure" if v == "differ" else None for v in case.verdicts]
-    return Diagnosis(case.problem.known, list(case.verdicts), causes, [finding])
-
-
-def _without_tiles(case: Case, columns: Array) -> Estimates | None:
-    """Return the factors from tiles where a fit leaves nothing; None if over a quarter is out.
-
-    What a local error does to a fit spreads over the picture, so the worst tile goes first and the
-    others are looked at again.
-    """
-    problem, where = case.problem, tuple(case.pools.where.T)
-    kept = np.ones(kept_tiles(case.cells).shape, bool)
-    rows, width = case.cells.ours.shape[:2]
-    for _ in range(len(case.pools.where) // 4 + 1):
-        cells = kept.repeat(CELLS_A_TILE, axis=0).repeat(CELLS_A_TILE, axis=1)[:rows, :width]
-        weights = problem.weights * np.repeat(cells, 3)
-        known = fit(columns, problem.target, weights, problem.variance)
-        left = _left(case, columns, known) * kept[where][:, None]
-        if not _is_structure(case, misfit(case, left)):
-            return known
-        score = (left.mean(axis=0) ** 2 / _tile_scale(case.pools)).sum(axis=1)
-        row, column = case.pools.where[np.argmax(score)]
-        kept[row, column] = False
-    return None
-
-
-def _unexplained(case: Case, columns: Array, known: Estimates, sound: bool) -> Finding:
-    """Return the finding for what no lights explain: local, or everywhere of one sign, or neither.
-
-    What sign it has shows in the difference from our own picture; a fit takes part of it up.
-    """
-    local = _left(case, columns, known).mean(axis=0).ravel()
-    tiles = case.pools.tiles
-    difference = local if sound else tiles.value
-    relative, x, y = worst_tile(case.pools, difference)
-    noise = SIGMAS * tiles.error + SLACK * case.pools.tile_scale
-    if sound:
-        code = "extra-light" if relative > 0 else "extra-shadow"
-    elif (tiles.value > -noise).all():
-        code = "extra-light"
-    else:
-        code = "extra-shadow" if (tiles.value < noise).all() else "unexplained"
-    what = {
-        "extra-light": "has light that none of ours explains",
-        "extra-shadow": "lacks light that no light of ours as a whole explains",
-        "unexplained": "spreads light in a way that no light of ours explains",
-    }[code]
-    hint = "" if sound else "; until that is found, the factors of lights mean little"
-    message = f"the witness {what}, most at pixel ({x}, {y}): {100 * relative:+.2f} %{hint}"
-    effect = 100.0 * float(difference.sum() / case.pools.tile_scale.sum())
-    return Finding(code, "error", "", message, effect)
-
-
-def _judge_again(case: Case, known: Estimates, named: Mapping[int, Named]) -> list[Verdict]:
-    """Return the groups' verdicts with the causes in place."""
-    judged = case.problem.energy >= MIN_ENERGY
-    delta, limit = known.value - 1.0, np.full(len(known.value), case.tolerance)
-    level = case.alpha / max(judged.sum(), 1)
-    outside = judged & (p_outside(delta, known.error, known.df, limit) <= level)
-    within = judged & (p_equivalent(delta, known.error, known.df, limit) <= case.alpha)
-    return [
-        "differ" if outside[g] or g in named else "agree" if within[g] else "undecided"
-        for g in range(len(judged))
-    ]
-
-
-def diagnose(case: Case) -> Diagnosis:
-    """Name the cause for each group of lights that is off in its factor, colour or shape.
-
-    A proven film exposure comes first; then the shapes that leave least unexplained; what is left
-    in few tiles is local, and the lights are judged by the others; what is left all over means that
-    the lights cannot be judged; a factor without a signature is only held against a light if it
-    moves more light than what is left. One that all share is a film exposure after all.
-    """
-    exposure = _exposure(case)
-    if exposure is not None and exposure[1]:
-        return _exposed(case, exposure[0])
-    columns, named, findings = *_reshape(case), list[Finding]()
-    known, leak = case.problem.factors(columns), 0.0
-    if _is_structure(case, misfit(case, _left(case, columns, known))):
-        named = {g: shape for g, shape in named.items() if shape.code != "colour"}
-        columns = _with_shapes(case.problem.columns, named)
-        trimmed = _without_tiles(case, columns)
-        sound = trimmed is not None
-        known = trimmed or case.problem.factors(columns)
-        findings.append(_unexplained(case, columns, known, sound))
-        leak = abs(findings[0].effect_percent or 0.0) / 100.0 if sound else math.inf
-    verdicts = _judge_again(case, known, named)
-    matched = {
-        g: cause for g, verdict in enumerate(verdicts)
-        if verdict == "differ" and g not in named and (cause := _by_factor(case, g, known))
-    }
-    off = [g for g, v in enumerate(verdicts) if v == "differ" and g not in {**named, **matched}]
-    if exposure is not None and off:
-        return _exposed(case, exposure[0])
-    causes = {**named, **matched}
-    for g in off:
-        if case.problem.energy[g] * abs(known.value[g] - 1.0) >= leak:
-            causes[g] = _scaled(case, g, known)
-        else:
-            verdicts[g] = "undecided"
-    findings = [*(_finding(case, g, cause) for g, cause in sorted(causes.items())), *findings]
-    codes = [causes[g].code if g in causes else None for g in range(len(verdicts))]
-    return Diagnosis(_of_ours(case, known, columns), verdicts, codes, findings)
+        current, g, named[g] = min(tried, key=lambda each: each[0].square)
+    return named
 
 
 def _with_shapes(columns: Array, named: Mapping[int, Named]) -> Array:
@@ -430,12 +260,144 @@ def _with_shapes(columns: Array, named: Mapping[int, Named]) -> Array:
     return changed
 
 
-def _scaled(case: Case, g: int, known: Estimates) -> Named:
+def _by_factor(case: Case, g: int, known: Estimates) -> tuple[bool, Named]:
+    """Return whether one cause alone explains the factor of group `g`, and that or what may."""
     value, error = known.value[g], known.error[g]
-    possible = ", ".join(cause.code for cause, _ in _matches(case, g, known))
-    why = f"one of {possible}" if possible else "no known cause"
-    message = f"{why}; {value:.5g} ± {error:.2g} times ours"
-    return Named("scale", message, 100.0 * (value - 1.0), case.problem.columns[g])
+    types = {case.types[case.cells.names[j]] for j in case.problem.groups[g]}
+    matches = match_factor(value, error, types, case.unit_scale_m)
+    if len(matches) == 1:
+        cause, predicted = matches[0]
+        code = cause.code
+        said = f"{cause.message}; predicted {predicted:.5g}, measured {value:.5g} ± {error:.2g}"
+    else:
+        possible = ", ".join(cause.code for cause, _ in matches)
+        why = f"one of {possible}" if possible else "no known cause"
+        code, said = "scale", f"{why}; {value:.5g} ± {error:.2g} times ours"
+    effect = 100.0 * (value - 1.0)
+    return len(matches) == 1, Named(code, said, effect, case.problem.columns[g])
+
+
+def _exposure(case: Case) -> tuple[float, bool] | None:
+    """Return the factor of everything, directly seen emission too; and whether it is proven.
+
+    It is where the file states it, or where seen emission shares it; else it may be lights alone.
+    """
+    problem, stated = case.problem, case.film_exposure
+    columns = np.vstack([problem.columns, problem.seen])
+    noise = np.vstack([problem.noise, np.zeros_like(problem.seen)])
+    target = problem.target + problem.seen * (problem.weights > 0)
+    known = fit(columns, noise, target, problem.weights, problem.variance)
+    size = np.abs(columns.sum(axis=1))
+    counts = size >= 0.01 * size.sum()
+    if not counts.any():
+        return None
+    value, error = known.value[counts], known.error[counts]
+    common = float(np.average(value, weights=1.0 / error**2))
+    error_of_common = float(1.0 / np.linalg.norm(1.0 / error))
+    shared = all(_near(v, common, e) for v, e in zip(value, error, strict=True))
+    if not shared or _near(common, 1.0, error_of_common) or common <= SIGMAS * error_of_common:
+        return None
+    if stated is not None:
+        return (common, True) if _near(common, stated, error_of_common) else None
+    return (common, bool(counts[-1])) if counts.sum() > 1 else None
+
+
+def _exposed(case: Case, factor: float, verdicts: list[Verdict]) -> Diagnosis:
+    stated = case.film_exposure
+    said = "" if stated is None else f"; the file says {stated:.5g}"
+    message = f"everything is {factor:.5g} times ours{said}"
+    finding = Finding("film-exposure", "error", "", message, 100.0 * (factor - 1.0))
+    causes = ["film-exposure" if v == "differ" else None for v in verdicts]
+    return Diagnosis(case.problem.known, verdicts, causes, [finding])
+
+
+def _without_tiles(case: Case, columns: Array) -> Estimates | None:
+    """Return the factors from tiles where a fit leaves nothing; None if over a quarter is out.
+
+    What a local error does to a fit spreads over the picture, so the worst tile goes first and the
+    others are looked at again.
+    """
+    where = tuple(case.pools.where.T)
+    kept = np.ones(kept_tiles(case.cells).shape, bool)
+    rows, width = case.cells.ours.shape[:2]
+    for _ in range(len(case.pools.where) // 4 + 1):
+        cells = kept.repeat(CELLS_A_TILE, axis=0).repeat(CELLS_A_TILE, axis=1)[:rows, :width]
+        known = case.problem.factors(columns, np.repeat(cells, 3))
+        left = case.left(columns, known)
+        if not case.is_structure(case.misfit(left, kept[where])):
+            return known
+        score = kept[where] * (left.mean(axis=0) ** 2 / case.tile_scale).sum(axis=1)
+        row, column = case.pools.where[np.argmax(score)]
+        kept[row, column] = False
+    return None
+
+
+_UNEXPLAINED = {
+    "extra-light": "has light that none of ours explains",
+    "extra-shadow": "lacks light that no light of ours as a whole explains",
+    "unexplained": "spreads light in a way that no light of ours explains",
+}
+
+
+def _unexplained(case: Case, columns: Array, known: Estimates, sound: bool) -> Finding:
+    """Return the finding for what no lights explain: local, or everywhere of one sign, or neither.
+
+    What sign it has shows in the difference from our own picture; a fit takes part of it up.
+    """
+    pools, tiles = case.pools, case.pools.tiles
+    difference = case.left(columns, known).mean(axis=0).ravel() if sound else tiles.value
+    relative, x, y = pools.worst(difference)
+    noise = SIGMAS * tiles.error + SLACK * pools.tile_scale
+    brighter = relative > 0 if sound else (tiles.value > -noise).all()
+    darker = sound or (tiles.value < noise).all()
+    code = "extra-light" if brighter else "extra-shadow" if darker else "unexplained"
+    hint = "" if sound else "; until that is found, the factors of lights mean little"
+    where = f"most at pixel ({x}, {y}): {100 * relative:+.2f} %"
+    message = f"the witness {_UNEXPLAINED[code]}, {where}{hint}"
+    effect = 100.0 * float(difference.sum() / pools.tile_scale.sum())
+    return Finding(code, "error", "", message, effect)
+
+
+def diagnose(case: Case, verdicts: list[Verdict]) -> Diagnosis:
+    """Name the cause for each group of lights that is off in its factor, colour or shape.
+
+    A proven film exposure comes first; then the shapes that leave least unexplained; what is left
+    in few tiles is local, and the lights are judged by the others; what is left all over means that
+    the lights cannot be judged; a factor without a signature is only held against a light if it
+    moves more light than what is left. One that all share is a film exposure after all.
+
+    Parameters
+    ----------
+    verdicts : of the groups, from all claims.
+    """
+    exposure = _exposure(case)
+    if exposure is not None and exposure[1]:
+        return _exposed(case, exposure[0], verdicts)
+    problem, causes, findings = case.problem, _reshape(case, verdicts), list[Finding]()
+    columns, leak = _with_shapes(problem.columns, causes), 0.0
+    known = problem.factors(columns)
+    if case.is_structure(case.misfit(case.left(columns, known))):
+        causes = {g: shape for g, shape in causes.items() if shape.code != "colour"}
+        columns = _with_shapes(problem.columns, causes)
+        trimmed = _without_tiles(case, columns)
+        known = trimmed or problem.factors(columns)
+        findings.append(_unexplained(case, columns, known, trimmed is not None))
+        leak = abs(findings[0].effect_percent or 0.0) / 100.0 if trimmed else math.inf
+    again = case.verdicts(known)
+    off = {g: _by_factor(case, g, known) for g, v in enumerate(again) if v == "differ"}
+    off = {g: found for g, found in off.items() if g not in causes}
+    if exposure is not None and not all(certain for certain, _ in off.values()):
+        return _exposed(case, exposure[0], verdicts)
+    for g in causes:
+        again[g] = "differ"
+    for g, (certain, cause) in off.items():
+        if certain or problem.energy[g] * abs(known.value[g] - 1.0) >= leak:
+            causes[g] = cause
+        else:
+            again[g] = "undecided"
+    named = [_finding(case, g, cause) for g, cause in sorted(causes.items())]
+    codes = [causes[g].code if g in causes else None for g in range(len(again))]
+    return Diagnosis(_of_ours(problem, known, columns), again, codes, [*named, *findings])
 
 
 def _finding(case: Case, g: int, cause: Named) -> Finding:
@@ -443,11 +405,13 @@ def _finding(case: Case, g: int, cause: Named) -> Finding:
     return Finding(cause.code, "error", members, cause.message, cause.effect_percent)
 
 
-def _of_ours(case: Case, known: Estimates, columns: Array) -> Estimates:
+def _of_ours(problem: Problem, known: Estimates, columns: Array) -> Estimates:
     """Return the factors of the shapes found as factors of our layers' energies."""
-    ours = case.problem.columns.sum(axis=1)
+    ours = problem.columns.sum(axis=1)
     ratio = np.divide(columns.sum(axis=1), ours, out=np.ones_like(ours), where=ours != 0)
-    return Estimates(
-        known.value * ratio, known.witness_variance * ratio**2, known.our_variance * ratio**2,
-        known.df,
+    return replace(
+        known,
+        value=known.value * ratio,
+        witness_variance=known.witness_variance * ratio**2,
+        our_variance=known.our_variance * ratio**2,
     )

@@ -52,41 +52,19 @@ def model_weights(cells: Cells, pools: Pools) -> Array:
     return weight / weight.max() * (cells.counts > 0)
 
 
-@dataclass(frozen=True)
-class Normal:
-    """Normal equations of one fit: X W Xᵀ, and what noise in our own layers adds to it.
-
-    Attributes
-    ----------
-    matrix : (j, j).
-    noise : (j,) its expected excess on the diagonal. Of our noise the variance of the sum of the
-        layers is known; each is given the part that it has in the radiance.
-    """
-
-    matrix: Array
-    noise: Array
-
-    @property
-    def scale(self) -> Array:
-        """Length of each layer, (j,), 1 for black ones."""
-        diagonal = np.sqrt(np.diag(self.matrix))
-        return np.where(diagonal > 0, diagonal, 1.0)
-
-    def inverse(self) -> Array:
-        """Return the pseudo-inverse of the matrix less its noise, (j, j)."""
-        clean = (self.matrix - np.diag(self.noise)) / np.outer(self.scale, self.scale)
-        return np.linalg.pinv(clean, hermitian=True) / np.outer(self.scale, self.scale)
+def _inverse(matrix: Array) -> Array:
+    """Return the pseudo-inverse of a symmetric matrix (j, j), its rows and columns scaled to 1."""
+    scale = _lengths(matrix)
+    return np.linalg.pinv(matrix / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
 
 
-def normal_equations(layers: Array, weight: Array, variance: Array) -> Normal:
-    """Return the normal equations of `layers` (j, p) with `weight` (p,), our `variance` (p,)."""
-    size = np.abs(layers)
-    total = size.sum(axis=0)
-    noisy = np.divide(weight * variance, total, out=np.zeros_like(total), where=total > 0)
-    return Normal((layers * weight) @ layers.T, np.asarray(size @ noisy, float))
+def _lengths(matrix: Array) -> Array:
+    """Return the roots of the diagonal (j,), 1 for those of black layers."""
+    diagonal = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    return np.where(diagonal > 0, diagonal, 1.0)
 
 
-def find_groups(layers: Array, weight: Array, variance: Array) -> list[list[int]]:
+def find_groups(layers: Array, noise: Array, weight: Array) -> list[list[int]]:
     """Return which `layers` (j, p) belong together because no fit could tell them apart.
 
     While a light's variance inflation (that of its factor, over what it would be if the light were
@@ -97,53 +75,58 @@ def find_groups(layers: Array, weight: Array, variance: Array) -> list[list[int]
     """
     groups = [[j] for j in range(len(layers))]
     while len(groups) > 1:
-        columns = np.stack([layers[g].sum(axis=0) for g in groups])
-        normal = normal_equations(columns, weight, variance)
-        cosines = normal.matrix / np.outer(normal.scale, normal.scale)
+        columns, drawn = (np.stack([x[g].sum(axis=0) for g in groups]) for x in (layers, noise))
+        matrix = (columns * weight) @ columns.T
+        scale = _lengths(matrix)
+        cosines = matrix / np.outer(scale, scale)
         black = np.diag(cosines) == 0
         inverse = np.linalg.inv(cosines + np.diag(np.where(black, 1.0, _RIDGE)))
-        limit = 1.0 / (1.0 / MAX_INFLATION + 4.0 * normal.noise / normal.scale**2)
+        limit = 1.0 / (1.0 / MAX_INFLATION + 4.0 * (drawn**2 @ weight) / scale**2)
         excess = np.where(black, 0.0, np.diag(inverse) / limit)
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
             break
         partial = np.abs(inverse[worst]) / np.sqrt(np.diag(inverse) * inverse[worst, worst])
         partial[worst] = 1.0
-        limit = min(float(np.sort(partial)[-2]), TANGLED)
-        joined = [g for g, p in zip(groups, partial.tolist(), strict=True) if p >= limit]
+        nearest = min(float(np.sort(partial)[-2]), TANGLED)
+        joined = [g for g, p in zip(groups, partial.tolist(), strict=True) if p >= nearest]
         groups = [g for g in groups if g not in joined]
         groups.append(sorted(j for group in joined for j in group))
     return sorted(groups)
 
 
-def fit(layers: Array, target: Array, weights: Array, variance: Array) -> Estimates:
+def fit(layers: Array, noise: Array, target: Array, weights: Array, variance: Array) -> Estimates:
     """Return the factor on each of `layers` (j, p) that explains `target` (r, p).
 
     Parameters
     ----------
-    layers : (j, p) sums over cells, channels included.
+    layers, noise : (j, p) sums over cells, channels running fastest, and a draw of their noise.
     target : (r, p) the witness's, for each replicate.
     weights : (r, p), 0 where a replicate has no data; or (1, p) where all are alike.
     variance : (p,) of the sum of our layers.
 
     Notes
     -----
-    With N = X W Xᵀ and C the part of N that is noise in X, f = (N−C)⁻¹ X W y; without C a factor is
-    too low by the relative variance of our cells. Our noise E goes through P = (N−C)⁻¹ X W, adding
-    Σ P² var(E). How the noise is shared between lights is a guess, so half of what C moves a factor
-    by counts as its error too.
+    f = (X W Xᵀ − D W Dᵀ)⁻¹ X W y with the draws D of the noise in X: what noise adds to X W Xᵀ on
+    average is taken off, also where lights share it (edges of objects); else a factor would be too
+    low by the relative variance of our cells. Our noise goes through P = (…)⁻¹ X W. The channels
+    of a cell share it, since their samples do: the error is at most Σ_cells (Σ_rgb |P| σ)².
     """
     factors: list[Array] = []
-    shift, through = np.zeros(len(layers)), np.zeros(layers.shape)
+    through = np.zeros(layers.shape)
     for weight, part in zip(weights, np.split(target, len(weights)), strict=True):
-        normal = normal_equations(layers, weight, variance)
-        inverse, weighted = normal.inverse(), layers * weight
-        found = part @ weighted.T @ inverse
-        factors.append(found)
-        through += inverse @ weighted / len(weights)
-        shift += inverse @ (normal.noise * found.mean(axis=0)) / len(weights)
-    ours = through**2 @ variance + (0.5 * shift) ** 2
+        weighted = layers * weight
+        solve = _inverse(weighted @ layers.T - (noise * weight) @ noise.T) @ weighted
+        factors.append(part @ solve.T)
+        through += solve / len(weights)
+    through = np.sqrt(through**2 * variance)
+    ours = np.sum(_by_channel(through).sum(axis=2) ** 2, axis=1)
     return estimate(np.concatenate(factors), ours, np.ones(len(layers)))
+
+
+def _by_channel(values: Array) -> Array:
+    """Return `values` (j, p), channels running fastest, as (j, p/3, 3)."""
+    return values.reshape(len(values), values.shape[1] // 3, 3)
 
 
 @dataclass(frozen=True)
@@ -153,7 +136,7 @@ class Problem:
     Attributes
     ----------
     groups : indices into `Cells.names`.
-    columns : (g, p) the groups' layers, sums over cells.
+    columns, noise : (g, p) the groups' layers, sums over cells, and a draw of their noise.
     target : (r, p) witness less directly seen emission.
     weights : (r, p) or (1, p).
     seen, variance : (p,).
@@ -161,6 +144,7 @@ class Problem:
 
     groups: list[list[int]]
     columns: Array
+    noise: Array
     target: Array
     weights: Array
     seen: Array
@@ -169,43 +153,40 @@ class Problem:
     @property
     def energy(self) -> Array:
         """Share of each group in the absolute energy of all, (g,)."""
-        size = np.abs(self.columns.sum(axis=1))
-        return size / size.sum() if size.sum() > 0 else size
+        return np.abs(self.columns.sum(axis=1)) / self._total
+
+    def channel_energy(self) -> Array:
+        """Share of each group's channels in the absolute energy of all, (g, 3)."""
+        channels = np.abs(_by_channel(self.columns).sum(axis=1))
+        return channels / self._total
+
+    @property
+    def _total(self) -> float:
+        return float(np.abs(self.columns.sum(axis=1)).sum()) or 1.0
 
     @cached_property
     def known(self) -> Estimates:
         """The factors of the groups."""
         return self.factors(self.columns)
 
-    def factors(self, columns: Array) -> Estimates:
-        """Return the factors of `columns` (g, p) in place of ours."""
-        return fit(columns, self.target, self.weights, self.variance)
+    def factors(self, columns: Array, part: Array | float = 1.0) -> Estimates:
+        """Return the factors of `columns` (g, p) in place of ours, from a `part` (p,) alone."""
+        return fit(columns, self.noise, self.target, self.weights * part, self.variance)
 
-    def channel_factors(self, channel: int) -> Estimates:
-        """Return the factors of the groups from one channel alone."""
-        only = np.arange(self.columns.shape[1]) % 3 == channel
-        return fit(self.columns, self.target, self.weights * only, self.variance)
-
-    def channel_energy(self) -> Array:
-        """Share of each group's channels in the absolute energy of all, (g, 3)."""
-        groups, number = self.columns.shape
-        size = np.abs(self.columns.reshape(groups, number // 3, 3).sum(axis=1))
-        total = np.abs(self.columns.sum(axis=1)).sum()
-        return size / total if total > 0 else size
+    def channel_factors(self, columns: Array, channel: int) -> Estimates:
+        """Return the factors of `columns` (g, p) from one channel alone."""
+        return self.factors(columns, np.arange(columns.shape[1]) % 3 == channel)
 
 
 def problem_from_cells(cells: Cells, pools: Pools) -> Problem:
     """Return the fit of all lights, those grouped that cannot be told apart."""
     weights = model_weights(cells, pools).reshape(len(cells.counts), -1)
-    layers = cells.layers.reshape(len(cells.names), cells.ours.size)
-    variance = cells.variance.ravel()
-    groups = find_groups(layers, weights.mean(axis=0), variance)
-    columns = [layers[group].sum(axis=0) for group in groups]
-    return Problem(
-        groups,
-        np.stack(columns) if columns else layers,
-        cells.residual(cells.seen).reshape(len(cells.witness), -1),
-        weights,
-        cells.seen.ravel(),
-        variance,
+    layers, noise = (x.reshape(len(x), cells.ours.size) for x in (cells.layers, cells.noise))
+    groups = find_groups(layers, noise, weights.mean(axis=0))
+    columns, drawn = (
+        np.array([x[group].sum(axis=0) for group in groups]).reshape(-1, cells.ours.size)
+        for x in (layers, noise)
     )
+    target = cells.residual(cells.seen).reshape(len(cells.witness), -1)
+    seen, variance = cells.seen.ravel(), cells.variance.ravel()
+    return Problem(groups, columns, drawn, target, weights, seen, variance)

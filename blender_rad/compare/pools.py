@@ -8,7 +8,8 @@ own pixels are independent, so their variances do add up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class Cells:
     witness : (r, ch, cw, 3) radiance of each replicate (a seed, or a subset of cells).
     ours, seen, variance : (ch, cw, 3) our radiance, directly seen emission, and variance of the
         sum of our radiance.
-    layers : (j, ch, cw, 3) our lights, in the order of `names`.
+    layers, noise : (j, ch, cw, 3) our lights, in the order of `names`, and a draw of their noise.
     """
 
     names: tuple[str, ...]
@@ -56,6 +57,7 @@ class Cells:
     seen: Array
     variance: Array
     layers: Array
+    noise: Array
 
     def residual(self, model: Array) -> Array:
         """Return what a picture of cell sums (ch, cw, 3) leaves of the witness, (r, ch, cw, 3)."""
@@ -64,18 +66,20 @@ class Cells:
 
 def cells_from_seeds(film: Film, seeds: Picture, compared: Mask) -> Cells:
     """Return the cells of witness renders (s, h, w, 3): every seed sees every cell."""
-    names = tuple(film.lights)
     ours = cell_sums(film.radiance, compared)
-    counts = block_sums(compared[..., None].astype(float), CELL)
-    layers = [cell_sums(film.lights[name], compared) for name in names]
+    layers, noise = (
+        np.array([cell_sums(one[name], compared) for name in film.lights]).reshape(-1, *ours.shape)
+        for one in (film.lights, film.noise)
+    )
     return Cells(
-        names,
-        counts[None],
+        tuple(film.lights),
+        block_sums(compared[..., None].astype(float), CELL)[None],
         np.stack([cell_sums(seed, compared) for seed in seeds]),
         ours,
         cell_sums(film.seen, compared),
         cell_sums(film.variance, compared),
-        np.stack(layers) if layers else np.zeros((0, *ours.shape)),
+        layers,
+        noise,
     )
 
 
@@ -93,26 +97,18 @@ def split_in_space(cells: Cells) -> Cells:
     rows, columns = np.indices(cells.counts.shape[1:3])
     group = (columns + 2 * (rows // 2 % 2)) % 4 + 4 * (rows % 2)
     chosen = (group == np.arange(8)[:, None, None])[..., None]
-    return Cells(
-        cells.names,
-        chosen * cells.counts[0],
-        chosen * cells.witness.mean(axis=0),
-        cells.ours,
-        cells.seen,
-        cells.variance,
-        cells.layers,
-    )
+    mean = cells.witness.mean(axis=0)
+    return replace(cells, counts=chosen * cells.counts[0], witness=chosen * mean)
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Numbers with their noise.
+    """Numbers with their noise; all (n,).
 
     Attributes
     ----------
-    value : (n,).
-    witness_variance, our_variance : (n,) of `value`.
-    df : (n,) degrees of freedom of the sum of both (Welch and Satterthwaite).
+    witness_variance, our_variance : of `value`.
+    df : degrees of freedom of the sum of both (Welch and Satterthwaite).
     """
 
     value: Array
@@ -125,10 +121,9 @@ class Estimates:
         """Standard error, (n,)."""
         return np.sqrt(self.witness_variance + self.our_variance)
 
-    def at(self, index: NDArray[np.int64]) -> Estimates:
+    def at(self, index: Mask | NDArray[np.int64]) -> Self:
         """Return those at `index`."""
-        fields = (self.value, self.witness_variance, self.our_variance, self.df)
-        return Estimates(*(field[index] for field in fields))
+        return replace(self, **{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
 
 def estimate(replicates: Array, our_variance: Array, scale: Array) -> Estimates:
@@ -164,6 +159,13 @@ class Pools:
     pixels: Array
     where: NDArray[np.int64]
 
+    def worst(self, difference: Array) -> tuple[float, int, int]:
+        """Return the largest of `difference` (t·3) over the scale, and its tile's first (x, y)."""
+        relative = difference / np.maximum(self.tile_scale, np.finfo(float).tiny)
+        worst = int(np.argmax(np.abs(relative)))
+        row, column = self.where[worst // 3] * TILE
+        return float(relative[worst]), int(column), int(row)
+
 
 def kept_tiles(cells: Cells) -> Mask:
     """Return which tiles hold enough compared pixels, in every replicate, (th, tw)."""
@@ -193,28 +195,17 @@ def pool(cells: Cells) -> Pools:
     the noise of a channel that holds next to nothing decides nothing. Tiles of fewer than
     `MIN_TILE_PIXELS` compared pixels are left to the frame.
     """
-    picture = np.abs(cells.ours.sum(axis=(0, 1))) / cells.counts[..., 0].max(axis=0).sum()
-    frame_scale = np.maximum(picture, DARK * picture.mean())
     total = cells.counts.max(axis=0)
-    frame = estimate(
-        frame_means(cells),
-        cells.variance.sum(axis=(0, 1)) / total.sum() ** 2,
-        frame_scale,
-    )
+    picture = np.abs(cells.ours.sum(axis=(0, 1))) / total.sum()
+    frame_scale = np.maximum(picture, DARK * picture.mean())
+    variance = cells.variance.sum(axis=(0, 1)) / total.sum() ** 2
+    frame = estimate(frame_means(cells), variance, frame_scale)
     kept = kept_tiles(cells)
-    tile_total = block_sums(total, CELLS_A_TILE)[kept]
-    replicates = tile_means(cells, cells.residual(cells.ours))
-    ours = np.abs(block_sums(cells.ours, CELLS_A_TILE)[kept]) / tile_total
-    tile_scale = np.maximum(ours, DARK * frame_scale).ravel()
-    variance = block_sums(cells.variance, CELLS_A_TILE)[kept] / tile_total**2
-    tiles = estimate(replicates.reshape(len(replicates), -1), variance.ravel(), tile_scale)
-    pixels = np.repeat(tile_total.ravel(), 3)
+    number, ours, variance = (
+        block_sums(sums, CELLS_A_TILE)[kept] for sums in (total, cells.ours, cells.variance)
+    )
+    tile_scale = np.maximum(np.abs(ours) / number, DARK * frame_scale).ravel()
+    means = tile_means(cells, cells.residual(cells.ours))
+    tiles = estimate(means.reshape(len(means), -1), (variance / number**2).ravel(), tile_scale)
+    pixels = np.repeat(number.ravel(), 3)
     return Pools(frame, frame_scale, tiles, tile_scale, pixels, np.argwhere(kept))
-
-
-def worst_tile(pools: Pools, difference: Array) -> tuple[float, int, int]:
-    """Return the largest of `difference` (t·3) over the scale, and its tile's first (x, y)."""
-    relative = difference / np.maximum(pools.tile_scale, np.finfo(float).tiny)
-    worst = int(np.argmax(np.abs(relative)))
-    row, column = pools.where[worst // 3] * TILE
-    return float(relative[worst]), int(column), int(row)

@@ -49,7 +49,12 @@ def room() -> dict[str, Array]:
     }
 
 
-def film_of(layers: dict[str, Array], variance: float | Array = 0.0, **changes: object) -> Film:
+def film_of(
+    layers: dict[str, Array],
+    variance: float | Array = 0.0,
+    noise: dict[str, Array] | None = None,
+    **changes: object,
+) -> Film:
     total = np.sum(list(layers.values()), axis=0)
     picture = np.zeros(total.shape[:2])
     film = Film(
@@ -57,6 +62,7 @@ def film_of(layers: dict[str, Array], variance: float | Array = 0.0, **changes: 
         variance=np.broadcast_to(np.asarray(variance, float), total.shape).copy(),
         alpha=picture + 1.0,
         lights={name: value.astype(np.float32) for name, value in layers.items()},
+        noise=noise or {name: np.zeros(total.shape, np.float32) for name in layers},
         seen=np.zeros_like(total),
         irradiance=np.zeros_like(total),
         depth=picture + 1.0,

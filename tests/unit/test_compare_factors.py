@@ -45,13 +45,20 @@ def test_intervals_of_the_factors_cover_and_are_centred(tail):
     assert (np.abs(z) < 4.0).all()
 
 
-def test_intervals_cover_with_noise_of_our_own_and_its_bias_is_removed():
+@pytest.mark.parametrize('shared', ['nothing', 'by channels', 'by channels and lights'])
+def test_intervals_cover_with_noise_of_our_own_and_its_bias_is_removed(shared):
+    """The samples of a pixel are those of all its channels; on an object's edge, of all lights."""
     rng, layers, repeats, relative = np.random.default_rng(3), room(), 80, 0.15
-    variance = sum((relative * value) ** 2 for value in layers.values())
+    stack, together = np.stack(list(layers.values())), 'lights' in shared
+    shape = (2, 1 if together else len(stack), H, W, 3 if shared == 'nothing' else 1)
+    squares = sum(stack) ** 2 if together else np.sum(stack**2, axis=0)
     covered, values = [], []
     for _ in range(repeats):
-        noisy = {n: v * (1.0 + relative * rng.normal(size=v.shape)) for n, v in layers.items()}
-        known = problem(film_of(noisy, variance), Witness(layers, 0.02).seeds(rng)).known
+        halves = stack * (1.0 + relative * 2**0.5 * rng.normal(size=shape))
+        noisy, drawn = (dict(zip(layers, x, strict=True)) for x in
+                        (halves.mean(axis=0), 0.5 * (halves[0] - halves[1])))
+        film = film_of(noisy, relative**2 * squares, drawn)
+        known = problem(film, Witness(layers, 0.02).seeds(rng)).known
         covered.append(t_survival(np.abs(known.value - 1.0) / known.error, known.df) >= 0.025)
         values.append(known.value)
     low, _ = binomial_bounds(np.size(covered), 0.95)
@@ -64,10 +71,11 @@ def test_intervals_cover_with_noise_of_our_own_and_its_bias_is_removed():
 def test_noise_in_our_layers_would_pull_one_factor_down_by_its_relative_variance():
     rng = np.random.default_rng(4)
     truth = 1.0 + rng.random((1, 60000))
-    ours = truth + 0.2 * rng.normal(size=truth.shape)
+    halves = truth + 0.2 * 2**0.5 * rng.normal(size=(2, *truth.shape))
+    ours, drawn = halves.mean(axis=0), 0.5 * (halves[0] - halves[1])
     target, weights = np.repeat(truth, 2, axis=0), np.ones((1, truth.shape[1]))
-    naive = float(fit(ours, target, weights, np.zeros(truth.shape[1])).value[0])
-    known = fit(ours, target, weights, np.full(truth.shape[1], 0.04))
+    naive = float(fit(ours, 0 * ours, target, weights, np.zeros(truth.shape[1])).value[0])
+    known = fit(ours, drawn, target, weights, np.full(truth.shape[1], 0.04))
     expected = 0.04 / np.mean(ours**2)
     assert 1.0 - naive == pytest.approx(expected, rel=0.1)
     assert abs(known.value[0] - 1.0) < 0.1 * expected + 3.0 * 0.2 / np.sqrt(60000)
@@ -112,21 +120,22 @@ def test_equal_layers_form_a_group_noise_or_not():
     rng, w = np.random.default_rng(7), np.ones(3000)
     a, b = rng.random((2, 3000))
     exact = np.stack([a, b, 0.5 * a])
-    assert find_groups(exact, w, np.zeros(3000)) == [[0, 2], [1]]
-    noise = 0.02
-    noisy = exact * (1.0 + noise * rng.normal(size=exact.shape))
-    variance = np.sum((noise * exact) ** 2, axis=0)
-    assert find_groups(noisy, w, variance) == [[0, 2], [1]]
+    assert find_groups(exact, 0 * exact, w) == [[0, 2], [1]]
+    noise = 0.02 * exact * rng.normal(size=(2, *exact.shape))
+    assert find_groups(exact + noise[0], noise[1], w) == [[0, 2], [1]]
 
 
 def test_layers_that_add_up_to_another_form_a_group_and_black_ones_do_not():
     rng, w = np.random.default_rng(8), np.ones(3000)
     a, b, c = rng.random((3, 3000))
-    assert find_groups(np.stack([a, b, c, a + b]), w, np.zeros(3000)) == [[0, 1, 3], [2]]
-    assert find_groups(np.stack([a, 0 * a, 0 * a]), w, np.zeros(3000)) == [[0], [1], [2]]
-    assert find_groups(np.zeros((0, 10)), w[:10], w[:10]) == []
+    for layers, groups in [
+        (np.stack([a, b, c, a + b]), [[0, 1, 3], [2]]),
+        (np.stack([a, 0 * a, 0 * a]), [[0], [1], [2]]),
+        (np.zeros((0, 3000)), []),
+    ]:
+        assert find_groups(layers, 0 * layers, w) == groups
 
 
 def test_lamps_that_overlap_strongly_but_not_fully_stay_apart():
     layers = np.stack([layer(x, 20.0, (1.0, 1.0, 1.0)).ravel() for x in (20.0, 24.0)])
-    assert find_groups(layers, np.ones(layers.shape[1]), np.zeros(layers.shape[1])) == [[0], [1]]
+    assert find_groups(layers, 0 * layers, np.ones(layers.shape[1])) == [[0], [1]]
