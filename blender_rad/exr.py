@@ -13,13 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .atomic import atomic_path
-from .errors import RadError
+from .errors import RadError, unknown_name
 from .film import Film
 from .scene import Scene
 
 Pixels = NDArray[np.float32]
 
 PASSES = ("Irradiance", "Illuminance", "Luminance", "StandardError", "Depth", "Normal")
+_OLD_NAMES = {  # of passes, by those that Blender 5 gave them; ours has R, G, B without a layer
+    "": "Combined",
+    "Diffuse Direct": "DiffDir",
+    "Diffuse Indirect": "DiffInd",
+    "Diffuse Color": "DiffCol",
+}
 _LONGEST_NAME = 200  # bytes; EXR's limit is 255 for the whole channel
 
 
@@ -111,42 +117,79 @@ def write_exr(
 def read_picture(path: str | os.PathLike[str]) -> Pixels:
     """Return the beauty pass (h, w, 3) of an EXR file, of ours or of Blender's.
 
-    Taken are the channels R, G, B, or those of the layer that ends in ``Combined``, in a file of
-    one or of many parts.
-
     Raises
     ------
     RadError
         When the file cannot be read or holds no such picture.
     """
-    planes = _read_planes(path)
-    groups: dict[str, dict[str, Pixels]] = {}
+    return read_passes(path, ("Combined.RGB",))[0]["Combined.RGB"]
+
+
+def read_passes(
+    path: str | os.PathLike[str],
+    *choices: tuple[str, ...],
+    also: tuple[str, ...] = (),
+    view_layer: str | None = None,
+) -> tuple[dict[str, Pixels], dict[str, Any]]:
+    """Return passes (h, w, n) of an EXR file, of ours or of Blender's, and its header.
+
+    The file has one part or many; of its view layers the first that has what is asked for counts.
+
+    Parameters
+    ----------
+    choices : sets of passes that would each do, the best first: names as before Blender 5, each
+        with its channels, such as ``DiffDir.RGB``; channels without a pass are of ``Combined``.
+    also : passes that are wanted where they exist.
+    view_layer : the only one to look in.
+
+    Raises
+    ------
+    RadError
+        When the file cannot be read or holds none of `choices`: names what it holds.
+    """
+    planes, header = _read_planes(path)
+    views: dict[str, dict[str, dict[str, Pixels]]] = {}
     for name, plane in planes.items():
         layer, _, letter = name.rpartition(".")
-        groups.setdefault(layer, {})[letter] = plane
-    complete = [layer for layer, group in groups.items() if set("RGB") <= set(group)]
-    for layer in sorted(complete, key=lambda name: (name != "", not name.endswith("Combined"))):
-        if layer == "" or layer.endswith("Combined"):
-            return np.stack([groups[layer][letter] for letter in "RGB"], axis=-1)
-    found = ", ".join(sorted(planes))[:200]
-    raise RadError("no picture in it", os.fspath(path), f"expected channels R, G, B; has {found}")
+        view, _, layer = layer.rpartition(".")
+        views.setdefault(view, {}).setdefault(_OLD_NAMES.get(layer, layer), {})[letter] = plane
+    if view_layer is not None and view_layer not in views:
+        raise unknown_name("view layer", view_layer, os.fspath(path), [*filter(None, views)])
+    searched = views.values() if view_layer is None else [views[view_layer]]
+    for wanted in choices:
+        for passes in searched:
+            found: dict[str, Pixels] = {}
+            for name in (*wanted, *also):
+                layer, letters = name.split(".")
+                group = passes.get(layer, {})
+                if set(letters) <= set(group):
+                    found[name] = np.stack([group[letter] for letter in letters], axis=-1)
+            if set(wanted) <= set(found):
+                return found, header
+    listed = ", or ".join(" and ".join(wanted) for wanted in choices)
+    held = {f"{layer}.{''.join(group)}" for passes in searched for layer, group in passes.items()}
+    has = ", ".join(sorted(held))[:300] or "nothing"
+    raise RadError("not the passes needed", os.fspath(path), f"expected {listed}; has {has}")
 
 
-def _read_planes(path: str | os.PathLike[str]) -> dict[str, Pixels]:
+def _read_planes(path: str | os.PathLike[str]) -> tuple[dict[str, Pixels], dict[str, Any]]:
+    """Return all channels by full name, and the attributes of all parts, the first's first."""
     import OpenEXR
 
     if not os.path.isfile(path):
         raise RadError("no such file", os.fspath(path), "expected an EXR picture")
+    planes: dict[str, Pixels] = {}
+    header: dict[str, Any] = {}
     try:
         with OpenEXR.File(os.fspath(path), separate_channels=True) as file:
-            return {
-                _full_name(part, name): np.array(channel.pixels, dtype=np.float32)
-                for part in file.parts
-                for name, channel in part.channels.items()
-            }
+            for part in file.parts:
+                header = dict(part.header) | header
+                for name, channel in reversed(part.channels.items()):
+                    planes[_full_name(part, name)] = np.array(channel.pixels, dtype=np.float32)
     except RuntimeError as error:
         said = f"expected one; the reader says: {error}"
         raise RadError("not a readable EXR file", os.fspath(path), said) from None
+    return planes, header
 
 
 def _full_name(part: Any, channel: str) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import io
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +101,15 @@ def map_colours(count: int) -> list[str]:
     return [to_hex(c) for c in mpl.colormaps[COLOURS](np.linspace(0.0, 1.0, count))]
 
 
+def hatched(pixels: NDArray[Any], where: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return `pixels` (h, w, 4) with grey hatching `where` (h, w) there is nothing to show."""
+    period = max(6, max(where.shape) // HATCHES)
+    rows, columns = (np.arange(length, dtype=np.intp) for length in where.shape)
+    in_gap = np.add.outer(rows, columns) % period >= period // 3
+    hatch = np.array(HATCH, np.uint8)[in_gap.astype(np.intp)]
+    return np.where(where[..., None], hatch, pixels)
+
+
 def difference_picture(data: ReportData, result: Difference, limit: float) -> Picture:
     """Return the map in colours; excluded pixels hatched, pixels outside the border clear."""
     import matplotlib as mpl
@@ -112,10 +122,6 @@ def difference_picture(data: ReportData, result: Difference, limit: float) -> Pi
 
     shade = np.nan_to_num(result.relative / limit) * 0.5 + 0.5
     pixels = fit(np.asarray(mpl.colormaps[COLOURS](np.clip(shade, 0.0, 1.0), bytes=True), np.uint8))
-    period = max(6, pixels.shape[1] // HATCHES)
-    rows, columns = (np.arange(length, dtype=np.intp) for length in pixels.shape[:2])
-    in_gap = np.add.outer(rows, columns) % period >= period // 3
-    hatch = np.array(HATCH, np.uint8)[in_gap.astype(np.intp)]
-    pixels = np.where(fit(~data.compared)[..., None], hatch, pixels)
+    pixels = hatched(pixels, fit(~data.compared))
     pixels[..., 3] = np.where(fit(data.inside), 255, 0)
     return _encode(pixels, "png", sharp=False)  # hatching shrinks badly with hard pixels

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``falsecolor``: illuminance or luminance of a rendered picture, in colours with a legend."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from . import _values as values
+from ._base import Command, Outcome, option
+from ._scene import NAMED
+
+
+def isolines(value: Any) -> tuple[float, ...] | Literal["auto"]:
+    """Return ``auto``, or the numbers above 0 that have commas between them."""
+    if value == "auto":
+        return "auto"
+    entries = value.split(",") if isinstance(value, str) else list(value)
+    try:
+        return tuple(sorted({values.number(0)(entry) for entry in entries}))
+    except ValueError:
+        raise ValueError("auto, or numbers above 0 with commas between them") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FalsecolorOptions(Command, verb="falsecolor"):
+    """Draw illuminance or luminance of an EXR, of ours or of Cycles, in colours with a legend.
+
+    Attributes
+    ----------
+    min, max, isolines : [lx] or [cd/m²]; a None finds round numbers, ``auto`` those of the legend.
+    efficacy : [lm/W]; None means the file's own, or photopic.
+    """
+
+    file: Path = option(values.exr_input, "a rendered EXR", metavar="IN.exr", positional=True)
+    output: Path = option(
+        values.output_file(".png", ".pdf"),
+        "the file to write",
+        metavar="OUT.png|OUT.pdf",
+        flags=("-o",),
+        required=True,
+    )
+    quantity: Literal["illuminance", "luminance"] = option(
+        values.choice("illuminance", "luminance"),
+        "illuminance (default) or luminance",
+        default="illuminance",
+        metavar="NAME",
+    )
+    scale: Literal["log", "linear"] = option(
+        values.choice("log", "linear"), "log (default) or linear", default="log", metavar="NAME"
+    )
+    min: float | None = option(values.number(), "lower end of the legend", metavar="X")
+    max: float | None = option(values.number(), "upper end of the legend", metavar="X")
+    isolines: tuple[float, ...] | Literal["auto"] = option(
+        isolines, "labelled lines at these values, or auto", default=(), metavar="X,Y,…|auto"
+    )
+    exposure: float = option(
+        values.number(0), "film exposure of the render (default: 1)", default=1.0, metavar="X"
+    )
+    efficacy: float | None = option(
+        values.efficacy,
+        f"lm per W: {NAMED}, or a number (default: the file's, or photopic)",
+        metavar="NAME|NUMBER",
+    )
+    view_layer: str | None = option(
+        values.text, "view layer in the file (default: the first with the passes)", metavar="NAME"
+    )
+
+    def run(self) -> Outcome:
+        from ..photometry import falsecolor
+
+        light = falsecolor.read_map(
+            self.file,
+            self.quantity,
+            efficacy_lm_W=self.efficacy,
+            exposure=self.exposure,
+            view_layer=self.view_layer,
+        )
+        low, high = limits = falsecolor.value_range(light.values, self.scale, self.min, self.max)
+        lines = None if self.isolines == "auto" else self.isolines
+        document = {
+            "output": self.output,
+            "quantity": self.quantity,
+            "unit": light.unit,
+            "range": limits,
+            "scale": self.scale,
+            "isolines": falsecolor.write_map(light, self.output, self.scale, limits, lines),
+            "percentiles": light.percentiles,
+            "no_data_fraction": light.no_data_fraction,
+            "efficacy_lm_W": light.efficacy_lm_W,
+            "exposure": self.exposure,
+            "findings": light.findings,
+        }
+        text = [f"{self.output}: {self.quantity}, {low:g} to {high:g} {light.unit}"]
+        text += [f"{f.severity}: {f.code}: {f.message}" for f in light.findings]
+        return Outcome(document, "\n".join(text))

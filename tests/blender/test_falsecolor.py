@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lux and cd/m² of a closed box whose light is known, through the files of either engine.
+
+Walls of albedo ρ that emit e from every point see the same radiance everywhere, L = e + ρ·L, so
+L = e/(1 − ρ) and E = π·L. The wall at the right reflects nothing and emits
+e/(1 − ρ) at once: with all bounces it leaves the rest as it is, and has no illuminance to show.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+
+from blender_rad.bpy_io.quiet import quiet_stdout  # noqa: E402
+from blender_rad.commands import COMMANDS  # noqa: E402
+from blender_rad.photometry.falsecolor import read_map  # noqa: E402
+from blender_rad.working_space import REC709, luminance_weights  # noqa: E402
+
+from .agreement import look_at  # noqa: E402
+from .reading import empty_scene, material  # noqa: E402
+
+EMISSION, ALBEDO = np.array([1.0, 2.0, 0.5]), np.array([0.2, 0.5, 0.8])
+RADIANCE = EMISSION / (1 - ALBEDO)
+PHOTOMETRIC = 683.002 * np.array(luminance_weights(REC709))
+EXPOSURE = 4.0
+SIZE = (48, 27)
+
+
+def glow(name: str, emission: np.ndarray, albedo: np.ndarray) -> Any:
+    """Lambert that emits."""
+    created = material(name, "ShaderNodeBsdfDiffuse", Color=(*albedo, 1))
+    nodes, links = created.node_tree.nodes, created.node_tree.links
+    diffuse, output = nodes["Diffuse BSDF"], nodes["Material Output"]
+    light, both = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
+    light.inputs["Color"].default_value = (*emission, 1)
+    links.new(diffuse.outputs[0], both.inputs[0])
+    links.new(light.outputs[0], both.inputs[1])
+    links.new(both.outputs[0], output.inputs["Surface"])
+    return created
+
+
+@pytest.fixture(scope="module")
+def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The saved scene, with Cycles' picture of it beside it."""
+    bl_scene = empty_scene()
+    bpy.ops.mesh.primitive_cube_add()
+    mesh = bpy.context.object.data
+    mesh.materials.append(glow("Walls", EMISSION, ALBEDO))
+    mesh.materials.append(glow("Right", RADIANCE, np.zeros(3)))
+    for face in mesh.polygons:
+        face.material_index = int(face.center.x > 0.5)
+    look_at((1, 1.5, 0), (-0.5, -0.5, 0), lens=30)
+    render, cycles = bl_scene.render, bl_scene.cycles
+    render.engine = 'CYCLES'
+    render.resolution_x, render.resolution_y = SIZE
+    cycles.samples, cycles.film_exposure = 128, EXPOSURE
+    cycles.max_bounces = cycles.diffuse_bounces = 64
+    cycles.sample_clamp_indirect = 0
+    cycles.use_denoising = cycles.use_adaptive_sampling = False
+    layer = bl_scene.view_layers[0]
+    layer.use_pass_diffuse_direct = layer.use_pass_diffuse_indirect = True
+    layer.use_pass_diffuse_color = True
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = 'MULTI_LAYER_IMAGE'
+    render.image_settings.file_format = 'OPEN_EXR_MULTILAYER'
+    render.image_settings.color_depth = '32'
+    folder = tmp_path_factory.mktemp("box")
+    render.filepath = str(folder / "cycles.exr")
+    with quiet_stdout():
+        bpy.ops.render.render(write_still=True)
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "box.blend"))
+    return folder
+
+
+def test_global_illumination_of_cycles(box: Path) -> None:
+    lux = read_map(box / "cycles.exr", "illuminance", exposure=EXPOSURE)
+    nits = read_map(box / "cycles.exr", "luminance", exposure=EXPOSURE)
+    lost = np.isnan(lux.values)
+    assert 0.2 < lost.mean() < 0.8
+    assert lost[:, -1].all()
+    assert not lost[:, 0].any()
+    assert np.mean(lux.values[~lost]) == pytest.approx(np.pi * RADIANCE @ PHOTOMETRIC, rel=2e-3)
+    assert np.mean(nits.values) == pytest.approx(RADIANCE @ PHOTOMETRIC, rel=2e-3)
+    assert {f.code for f in lux.findings} >= {"lambertian"}
+
+
+def test_direct_light_of_ours(box: Path, tmp_path: Path) -> None:
+    exr, png = tmp_path / "ours.exr", tmp_path / "ours.png"
+    COMMANDS["render"](file=box / "box.blend", output=exr, samples=64, threads=2).run()
+    lux = read_map(exr, "illuminance")
+    right = np.isnan(read_map(box / "cycles.exr", "illuminance").values)
+    direct = np.pi * EMISSION @ PHOTOMETRIC  # the right wall sees the other five, that emit e
+    assert np.mean(lux.values[right]) == pytest.approx(direct, rel=2e-3)
+    assert not lux.findings
+    found = COMMANDS["falsecolor"](file=exr, output=png).run().document
+    assert found["percentiles"] == lux.percentiles
+    assert png.read_bytes().startswith(b"\x89PNG")
