@@ -19,20 +19,17 @@ _log_gamma = np.frompyfunc(math.lgamma, 1, 1)
 
 def _continued_fraction(a: Array, b: Array, x: Array) -> Array:
     """Return the continued fraction of I_x(a, b) by Lentz's method; needs x < (a+1)/(a+b+2)."""
-    c = np.ones_like(x)
-    d = 1.0 / (1.0 - (a + b) * x / (a + 1.0))
+    c, d = np.ones_like(x), 1.0 / (1.0 - (a + b) * x / (a + 1.0))
     value = d
     for m in range(1, _MAX_TERMS):
         even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))
         odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
         for term in (even, odd):
-            d = 1.0 + term * d
+            d, c = 1.0 + term * d, 1.0 + term / c
             d = 1.0 / np.where(np.abs(d) < _TINY, _TINY, d)
-            c = 1.0 + term / c
             c = np.where(np.abs(c) < _TINY, _TINY, c)
-            step = c * d
-            value = value * step
-        if np.all(np.abs(step - 1.0) < _CONVERGED):
+            value = value * c * d
+        if np.all(np.abs(c * d - 1.0) < _CONVERGED):
             return value
     raise ArithmeticError("the incomplete beta function did not converge")
 
@@ -40,19 +37,12 @@ def _continued_fraction(a: Array, b: Array, x: Array) -> Array:
 def incomplete_beta(a: ArrayLike, b: ArrayLike, x: ArrayLike, one_minus_x: ArrayLike) -> Array:
     """Return the regularised incomplete beta function I_x(a, b), accurate in both tails.
 
-    Notes
-    -----
-    I_x(a, b) = x^a (1−x)^b / (a B(a, b)) · CF(a, b, x), and I_x(a, b) = 1 − I_{1−x}(b, a) where
-    that converges faster. 1−x is given by the caller, who knows it without cancellation.
-
-    References
-    ----------
-    NIST Digital Library of Mathematical Functions, 8.17.22.
+    I_x(a, b) = x^a (1−x)^b / (a B(a, b)) · CF(a, b, x) (NIST DLMF 8.17.22), and
+    I_x(a, b) = 1 − I_{1−x}(b, a) where that converges faster. 1−x comes without cancellation.
     """
     a, b, x, y = np.broadcast_arrays(*(np.asarray(v, float) for v in (a, b, x, one_minus_x)))
     swap = x > (a + 1.0) / (a + b + 2.0)
-    p, q = np.where(swap, b, a), np.where(swap, a, b)
-    u, v = np.where(swap, y, x), np.where(swap, x, y)
+    p, q, u, v = np.where(swap, (b, a, y, x), (a, b, x, y))
     log_beta = np.asarray(_log_gamma(p) + _log_gamma(q) - _log_gamma(p + q), float)
     with np.errstate(divide="ignore"):
         front = np.exp(p * np.log(u) + q * np.log(v) - log_beta) / p
@@ -63,8 +53,6 @@ def incomplete_beta(a: ArrayLike, b: ArrayLike, x: ArrayLike, one_minus_x: Array
 def t_survival(t: ArrayLike, df: ArrayLike) -> Array:
     """Return P(T > t) for Student's t with `df` > 0 degrees of freedom, which need not be whole.
 
-    Notes
-    -----
     P(T > t) = I_x(df/2, 1/2) / 2 for t ≥ 0, x = df / (df + t²).
 
     Examples
@@ -80,16 +68,13 @@ def t_survival(t: ArrayLike, df: ArrayLike) -> Array:
 
 
 def t_quantile(p: ArrayLike, df: ArrayLike) -> Array:
-    """Return t with P(T > t) = `p`, for 0 < p ≤ 1/2, by ever finer grids of log(1 + t)."""
+    """Return t with P(T > t) = `p`, for 0 < p ≤ 1/2, by halving intervals of log(1 + t)."""
     p, df = np.broadcast_arrays(np.asarray(p, float), np.asarray(df, float))
-    low, step = np.zeros(p.shape), 300.0 / 64
-    grid = np.arange(64.0)
-    for _ in range(9):
-        points = low[..., None] + step * grid
-        above = t_survival(np.expm1(points), df[..., None]) >= p[..., None]
-        low = low + step * (above.sum(axis=-1) - 1.0)
-        step /= 64
-    return np.expm1(low + 32.0 * step)
+    low, step = np.zeros(p.shape), 300.0
+    for _ in range(64):
+        step /= 2.0
+        low = np.where(t_survival(np.expm1(low + step), df) >= p, low + step, low)
+    return np.expm1(low)
 
 
 @lru_cache(maxsize=256)
@@ -101,8 +86,6 @@ def critical_value(p: float, df: float) -> float:
 def p_outside(delta: Array, error: Array, df: Array, tolerance: Array) -> Array:
     """Return the p-value against |true difference| ≤ `tolerance`; small means outside.
 
-    Notes
-    -----
     p = P(T > (|d|−τ)/σ) + P(T > (|d|+τ)/σ), the chance at |δ| = τ, where it is largest, of a
     difference at least as large on either side; for τ = 0 it is the two-sided t-test.
     """
@@ -123,16 +106,9 @@ def holm(p: Array, alpha: float, weights: Array | None = None) -> NDArray[np.boo
     """Return which hypotheses Holm's step-down procedure rejects.
 
     The chance of rejecting any true one is at most `alpha`, however the tests depend on each
-    other. `weights` share `alpha` out, so that a few important tests need not pay for thousands.
-
-    Notes
-    -----
-    With p/w in ascending order, reject while p_(i)/w_(i) ≤ α / Σ_{k≥i} w_(k).
-
-    References
-    ----------
-    S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Statist. 6 (1979)
-    65-70, section 4.
+    other. `weights` share `alpha` out, so that a few important tests need not pay for thousands:
+    with p/w in ascending order, reject while p_(i)/w_(i) ≤ α / Σ_{k≥i} w_(k)
+    (S. Holm, Scand. J. Statist. 6 (1979) 65-70, section 4).
 
     Examples
     --------
