@@ -2,11 +2,10 @@
 """The quantities of light: name, symbol, unit, definition and twin, in one table.
 
 Six forms, each in four kinds. Radiant counts energy; spectral counts it per nanometre; luminous
-weights it with the eye's V(λ), X_v = K_m ∫ V(λ) X_e,λ dλ; photon counts quanta of hc/λ. Docs,
-panels, JSON keys and messages take their words from here.
+weights it with the eye's V(λ), X_v = K_m ∫ V(λ) X_e,λ dλ; photon counts quanta of hc/λ.
 
 K_m is 683 lm/W at 540 THz, which is 555.016 nm in air where V is just below 1: 683.002 at its
-maximum. Older texts print 680, the value before the candela of 1979, rounded.
+maximum. Older texts and lectures print 680, a value from before the candela of 1979.
 """
 
 from __future__ import annotations
@@ -27,20 +26,15 @@ PHOTOSYNTHETIC_NM = (400.0, 700.0)  # the photons that PPF and PPFD count
 
 
 class Preset(NamedTuple):
-    """A number with a name; `unit` as `convert` writes it."""
+    """A number with a name, in a unit of `units.UNITS`."""
 
     value: float
     unit: str
-    source: str
 
 
-PRESETS = {
-    "solar-constant": Preset(
-        1361.0, "W/m2", "sunlight above the air at 1 au, all wavelengths (IAU 2015 B3)"
-    ),
-    "solar-constant-1971": Preset(
-        1353.0, "W/m2", "the same as NASA put it in 1971, and lectures since (Thekaekara)"
-    ),
+PRESETS = {  # sunlight of all wavelengths above the air, one astronomical unit from the sun
+    "solar-constant": Preset(1361.0, "W/m2"),  # IAU 2015 Resolution B3
+    "solar-constant-1971": Preset(1353.0, "W/m2"),  # NASA SP-8005, and lectures since
 }
 
 
@@ -51,9 +45,8 @@ class Quantity:
     Attributes
     ----------
     name : full words with underscores, as in public names.
-    symbol : as in equations; indices e, v, p, λ tell the kinds apart.
+    symbol : as in equations; the indices e, v, p and λ tell the kinds apart.
     unit : SI, as people write it.
-    definition : one sentence or equation.
     twin : the luminous quantity of a radiant one and the reverse; None for the other kinds.
     """
 
@@ -72,63 +65,31 @@ class Quantity:
         return f"{self.name}_{re.sub('[/ ·]+', '_', plain)}"
 
 
-# form: symbol, radiant, luminous and photon name, their units, definition
-_TABLE: dict[Form, tuple[str, tuple[str, str, str], tuple[str, str, str], str]] = {
-    "energy": (
-        "Q",
-        ("radiant_energy", "luminous_energy", "photon_number"),
-        ("J", "lm·s", "1"),
-        "what is carried: Q = ∫ Φ dt",
-    ),
-    "flux": (
-        "Φ",
-        ("radiant_flux", "luminous_flux", "photon_flux"),
-        ("W", "lm", "1/s"),
-        "what flows per time, power: Φ = dQ/dt",
-    ),
-    "intensity": (
-        "I",
-        ("radiant_intensity", "luminous_intensity", "photon_intensity"),
-        ("W/sr", "cd", "1/(s sr)"),
-        "flux per solid angle in a direction: I = dΦ/dω",
-    ),
-    "irradiance": (
-        "E",
-        ("irradiance", "illuminance", "photon_irradiance"),
-        ("W/m²", "lx", "1/(m² s)"),
-        "flux that arrives per area: E = dΦ/dA = ∫ L cos θ dω",
-    ),
-    "exitance": (
-        "M",
-        ("radiant_exitance", "luminous_exitance", "photon_exitance"),
-        ("W/m²", "lm/m²", "1/(m² s)"),
-        "flux that leaves per area, radiosity: M = dΦ/dA",
-    ),
-    "radiance": (
-        "L",
-        ("radiance", "luminance", "photon_radiance"),
-        ("W/(m² sr)", "cd/m²", "1/(m² s sr)"),
-        "flux per projected area and solid angle, what a pixel holds: L = d²Φ/(dA cos θ dω)",
-    ),
-}
-
-
-def _per_nanometre(unit: str) -> str:
-    over, _, under = unit.partition("/")
-    return f"{over}/({under.strip('()')} nm)" if under else f"{over}/nm"
+_TABLE: tuple[tuple[Form, str, str, str, str, str], ...] = (
+    ("energy", "Q", "∫ Φ dt", "radiant_energy J", "luminous_energy lm·s", "photon_number 1"),
+    ("flux", "Φ", "dQ/dt", "radiant_flux W", "luminous_flux lm", "photon_flux 1/s"),
+    ("intensity", "I", "dΦ/dω", "radiant_intensity W/sr", "luminous_intensity cd",
+     "photon_intensity 1/(s sr)"),
+    ("irradiance", "E", "dΦ/dA = ∫ L cos θ dω, arriving", "irradiance W/m²", "illuminance lx",
+     "photon_irradiance 1/(m² s)"),
+    ("exitance", "M", "dΦ/dA, leaving (radiosity)", "radiant_exitance W/m²",
+     "luminous_exitance lm/m²", "photon_exitance 1/(m² s)"),
+    ("radiance", "L", "d²Φ/(dA cos θ dω), what a pixel holds", "radiance W/(m² sr)",
+     "luminance cd/m²", "photon_radiance 1/(m² s sr)"),
+)  # fmt: skip
 
 
 def _quantities() -> dict[str, Quantity]:
     entries: list[Quantity] = []
-    for form, (symbol, names, units, text) in _TABLE.items():
-        radiant, luminous, photon = names
-        spectral = f"spectral_{radiant}"
-        dx = f"per wavelength: {symbol}_λ = d{symbol}_e/dλ"
+    for form, symbol, definition, *named in _TABLE:
+        (e, watts), (v, lumens), (p, photons) = (text.split(" ", 1) for text in named)
+        over, _, under = watts.partition("/")
+        spectral = f"{over}/({under.strip('()')} nm)" if under else f"{over}/nm"
         entries += [
-            Quantity(radiant, f"{symbol}_e", units[0], text, form, "radiant", luminous),
-            Quantity(luminous, f"{symbol}_v", units[1], text, form, "luminous", radiant),
-            Quantity(photon, f"{symbol}_p", units[2], text, form, "photon"),
-            Quantity(spectral, f"{symbol}_λ", _per_nanometre(units[0]), dx, form, "spectral"),
+            Quantity(e, f"{symbol}_e", watts, definition, form, "radiant", v),
+            Quantity(v, f"{symbol}_v", lumens, definition, form, "luminous", e),
+            Quantity(p, f"{symbol}_p", photons, definition, form, "photon"),
+            Quantity(f"spectral_{e}", f"{symbol}_λ", spectral, f"d{symbol}_e/dλ", form, "spectral"),
         ]
     return {entry.name: entry for entry in entries}
 

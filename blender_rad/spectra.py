@@ -20,7 +20,7 @@ air; photons count hc/λ with them, 0.03 % from vacuum's.
 
 from __future__ import annotations
 
-import re
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,13 +34,13 @@ from numpy.typing import NDArray
 
 from .errors import RadError, unknown_name
 from .lights._emission import RANGE_K
-from .quantities import K_M, LIGHT_SPEED, PHOTOSYNTHETIC_NM, PLANCK
+from .quantities import K_M, LIGHT_SPEED, PLANCK
 
 Array = NDArray[np.float64]
 Limits = tuple[float, float]
 
 VISIBLE_NM: Limits = (380.0, 780.0)
-RANGE_NM: Limits = (10.0, 1e6)  # where a wavelength in nm is one of light
+RANGE_NM: Limits = (100.0, 1e5)  # where a wavelength in nm is one of light
 NM = 1e-9  # m
 SECOND_RADIATION = 1.438776877e7  # nm K, hc/k
 LARGEST_DUV = 0.05  # beyond it CIE 15 gives a colour no temperature
@@ -76,8 +76,14 @@ class Spectrum:
         """Wavelengths between which its watts are counted."""
         return float(self.wavelengths[0]), float(self.wavelengths[-1])
 
+    @property
+    def title(self) -> str:
+        """Its name and its limits, for people."""
+        low, high = self.limits_nm
+        return self.name if low == high else f"{self.name}, {low:g}–{high:g} nm"
+
     def _per_watt(self, weight: Array, within: Limits = RANGE_NM) -> float:
-        """Return ∫ S weight dλ between the limits over ∫ S dλ, by the trapezoidal rule."""
+        """Return ∫ S weight dλ `within` over ∫ S dλ, by the trapezoidal rule."""
         x, y = self.wavelengths, self.density * weight
         inside = (x >= within[0]) & (x <= within[1])
         if len(x) == 1:
@@ -89,15 +95,9 @@ class Spectrum:
         """Luminous efficacy of radiation K = K_m ∫ S V dλ / ∫ S dλ [lm/W]."""
         return K_M * self._per_watt(_observer(self.wavelengths)[:, 1])
 
-    @property
-    def photons_per_J(self) -> float:
-        """Photons a joule, ∫ S λ dλ / (hc ∫ S dλ)."""
-        return self._per_watt(self.wavelengths * NM / (PLANCK * LIGHT_SPEED))
-
-    @property
-    def photosynthetic_photons_per_J(self) -> float:
-        """The same of photons of 400–700 nm alone, which PPF and PPFD count."""
-        return self._per_watt(self.wavelengths * NM / (PLANCK * LIGHT_SPEED), PHOTOSYNTHETIC_NM)
+    def photons_per_J(self, within: Limits = RANGE_NM) -> float:
+        """Return photons of wavelengths `within` a joule, ∫ S λ dλ / (hc ∫ S dλ)."""
+        return self._per_watt(self.wavelengths * NM / (PLANCK * LIGHT_SPEED), within)
 
     @cached_property
     def colour(self) -> Colour:
@@ -127,6 +127,9 @@ def spectrum(name: str, limits: Limits | None = None) -> Spectrum:
         For an unknown name, a file that is none, limits beyond what is tabulated, and where there
         is no power between them.
     """
+    if limits and not RANGE_NM[0] <= limits[0] < limits[1] <= RANGE_NM[1]:
+        expected = f"expected two wavelengths of {RANGE_NM[0]:g} to {RANGE_NM[1]:g} nm, rising"
+        raise RadError("not limits", "--limits", expected)
     kind, colon, text = name.partition(":")
     if name.lower().endswith(".csv"):
         return _tabulated(name, _read_csv(Path(name)), limits)
@@ -136,19 +139,20 @@ def spectrum(name: str, limits: Limits | None = None) -> Spectrum:
             raise unknown_name("spectrum", name, WHERE, [*known.values(), FORMS])
         table = _colour().SDS_ILLUMINANTS[known[name.lower()]]
         return _tabulated(name, (table.wavelengths, table.values), limits, VISIBLE_NM)
+    numbers = _numbers(name, kind, text)
     if kind == "rgb":
-        return _of_rgb(name, _numbers(name, text, 3), limits)
+        basis = _colour().recovery.MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019
+        white = _colour().SDS_ILLUMINANTS["D65"][basis.wavelengths]
+        return _tabulated(name, (basis.wavelengths, white * (basis.values @ numbers)), limits)
     if kind == "laser":
-        return _line(name, _numbers(name, text, 1)[0], limits)
-    if kind not in ("blackbody", "temperature"):
-        raise unknown_name("spectrum", name, WHERE, [FORMS])
-    (temperature,) = _numbers(name, text, 1)
-    if temperature <= 0.0:
-        raise RadError(f"{name} has no temperature", WHERE, "expected kelvins above 0")
-    if kind == "temperature":
-        temperature = min(max(temperature, RANGE_K[0]), RANGE_K[1])
+        low, high = limits or RANGE_NM
+        if not low <= numbers[0] <= high:
+            raise RadError(f"{name} is out of range", WHERE, f"expected {low:g} to {high:g} nm")
+        return Spectrum(name, numbers, np.ones(1))
+    kelvin = numbers[0] if kind == "blackbody" else np.clip(numbers[0], *RANGE_K)
     x = _grid(limits or VISIBLE_NM)
-    return Spectrum(name, x, _planck(x, temperature))
+    exponent = SECOND_RADIATION / (x * kelvin)  # scaled so that no temperature underflows
+    return Spectrum(name, x, np.exp(exponent.min() - exponent) / (-np.expm1(-exponent) * x**5))
 
 
 def colour_temperature(xyz: Sequence[float]) -> tuple[float | None, float | None]:
@@ -196,14 +200,8 @@ def _integral(x: Array, y: Array) -> float:
 def _grid(limits: Limits, knots: Array | None = None) -> Array:
     """Return every whole nanometre between the limits, the limits and the knots."""
     low, high = limits
-    x = np.union1d(np.arange(np.ceil(low), high), [low, high])
+    x = np.union1d(np.arange(math.ceil(low), high, dtype=np.float64), [low, high])
     return x if knots is None else np.union1d(x, knots[(knots > low) & (knots < high)])
-
-
-def _planck(wavelengths: Array, temperature: float) -> Array:
-    """Return Planck's law (n,), scaled so that no temperature underflows."""
-    x = SECOND_RADIATION / (wavelengths * temperature)
-    return np.exp(x.min() - x) / (-np.expm1(-x) * wavelengths**5)
 
 
 def _tabulated(
@@ -213,73 +211,44 @@ def _tabulated(
     x, y = table
     low, high = float(x[0]), float(x[-1])
     inner = limits or (max(usual[0], low), min(usual[1], high))
-    if inner[0] < low or inner[1] > high:
-        raise RadError(
-            f"{name} is not tabulated between {inner[0]:g} and {inner[1]:g} nm",
-            "--limits",
-            f"expected limits within {low:g}-{high:g}",
-        )
+    if not low <= inner[0] < inner[1] <= high:
+        what = f"{name} is not known from {inner[0]:g} to {inner[1]:g} nm"
+        raise RadError(what, "--limits", f"expected limits within {low:g},{high:g}")
     grid = _grid(inner, x)
     density = np.interp(grid, x, y)
     if not density.any():
-        raise RadError(f"{name} has no power", WHERE, f"expected some in {inner[0]:g}-{inner[1]:g}")
+        raise RadError(f"{name} has no power", WHERE, f"expected some in {inner[0]:g}–{inner[1]:g}")
     return Spectrum(name, grid, density)
 
 
-def _of_rgb(name: str, rgb: list[float], limits: Limits | None) -> Spectrum:
-    basis = _colour().recovery.MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019
-    daylight = _colour().SDS_ILLUMINANTS["D65"]
-    white = np.interp(basis.wavelengths, daylight.wavelengths, daylight.values)
-    if min(rgb) < 0.0:
-        raise RadError(f"{name} is not the colour of a light", WHERE, "expected none below 0")
-    return _tabulated(name, (basis.wavelengths, white * (basis.values @ np.array(rgb))), limits)
-
-
-def _line(name: str, wavelength: float, limits: Limits | None) -> Spectrum:
-    low, high = limits or RANGE_NM
-    if not low <= wavelength <= high:
-        raise RadError(f"{name} is out of range", WHERE, f"expected {low:g} to {high:g} nm")
-    return Spectrum(name, np.array([wavelength]), np.ones(1))
-
-
-def _numbers(name: str, text: str, count: int) -> list[float]:
+def _numbers(name: str, kind: str, text: str) -> Array:
+    """Return the numbers of ``kind:number`` or ``rgb:number,number,number``."""
     try:
-        values = [float(entry) for entry in text.split(",")]
+        numbers = np.array([float(entry) for entry in text.split(",")])
     except ValueError:
-        values = []
-    if len(values) != count or not np.isfinite(values).all():
-        raise RadError(f"{name} is not a spectrum", WHERE, f"expected {FORMS}")
-    return values
+        numbers = np.empty(0)
+    right = len(numbers) == {"blackbody": 1, "temperature": 1, "laser": 1, "rgb": 3}.get(kind)
+    if not (right and np.isfinite(numbers).all() and numbers.min() >= 0.0 and numbers.any()):
+        raise RadError(
+            f"{name} is not a spectrum", WHERE, f"expected {FORMS}, with numbers above 0"
+        )
+    return numbers
 
 
 def _read_csv(path: Path) -> tuple[Array, Array]:
-    """Return wavelengths [nm] and spectral power of a file, headings and comments aside."""
-    expected = "expected two columns, wavelength in nm and spectral power"
+    """Return wavelengths [nm] and spectral power of a file, headings aside."""
+    expected = "expected two columns: rising wavelengths in nm, and powers of 0 or more"
     try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    except OSError as error:
-        raise RadError(str(error.strerror), str(path), expected) from None
-    rows: list[list[float]] = []
-    for number, line in enumerate(lines, 1):
-        text = line.partition("#")[0].strip()
-        if re.search(r"[;\t]", text):
-            text = text.replace(",", ".")  # decimal commas
-        try:
-            row = [float(entry) for entry in re.split(r"[;,\s]+", text)]
-        except ValueError:
-            if rows and text:
-                raise RadError("not numbers", f"{path}, line {number}", expected) from None
-            continue
-        if len(row) != 2:
-            raise RadError(f"{len(row)} columns", f"{path}, line {number}", expected)
-        rows.append(row)
-    if len(rows) < 2:
-        raise RadError("less than two wavelengths", str(path), expected)
-    x, y = np.array(rows).T
-    if not (np.isfinite(x).all() and (np.diff(x) > 0.0).all()):
-        raise RadError("wavelengths do not increase", str(path), expected)
-    if x[0] < RANGE_NM[0] or x[-1] > RANGE_NM[1]:
-        raise RadError("wavelengths are not in nanometres", str(path), expected)
-    if not (np.isfinite(y).all() and (y >= 0.0).all()):
-        raise RadError("spectral power below 0 or not finite", str(path), expected)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of an empty file
+            table = np.genfromtxt(path, delimiter=",", ndmin=2, encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise RadError(" ".join(str(error).split()), str(path), expected) from None
+    if table.ndim != 2 or table.shape[1:] != (2,):
+        raise RadError("not two columns", str(path), expected)
+    x, y = table[np.maximum.accumulate(np.isfinite(table[:, 0]))].T
+    low, high = RANGE_NM
+    rising = len(x) > 1 and (np.diff(x, prepend=low - 1.0, append=high + 1.0) > 0.0).all()
+    if not (rising and np.isfinite(y).all() and (y >= 0.0).all()):
+        raise RadError("not a spectrum", str(path), expected)
     return x, y

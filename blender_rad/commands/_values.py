@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import RadError
+from ..quantities import EFFICACIES_LM_W
 
 Parse = Callable[[Any], Any]
 
-# lm per W of the conventions in use; photopic is K_m, 683.002 in air at 555.016 nm.
-EFFICACIES_LM_W = {"photopic": 683.002, "cycles-ies": 177.83, "radiance": 179.0}
 FRAME_LIMIT = 1_048_574  # Blender's own
 RESOLUTION_LIMIT = 65_536  # Blender's own
 SCENE_SUFFIX = re.compile(r"\.(blend\d*|glb|gltf)", re.IGNORECASE)
@@ -73,17 +72,19 @@ def integer(low: int, high: int | None = None) -> Parse:
     return parse
 
 
-def number(low: float = -math.inf, high: float = math.inf) -> Parse:
-    """Return a parser of a finite number, both ends excluded."""
+def number(low: float = -math.inf, high: float = math.inf, *, closed: bool = False) -> Parse:
+    """Return a parser of a finite number, both ends excluded unless `closed`."""
     limits = [f"above {low:g}"] * (low > -math.inf) + [f"below {high:g}"] * (high < math.inf)
-    expected = " ".join(["a number", " and ".join(limits)]).strip()
+    words = [f"{low:g} to {high:g}"] if closed else [" and ".join(limits)]
+    expected = " ".join(["a number", *words]).strip()
 
     def parse(value: Any) -> float:
         try:
             result = float(value)
         except (ValueError, TypeError):
             raise ValueError(expected) from None
-        if not (math.isfinite(result) and low < result < high):
+        inside = low <= result <= high if closed else low < result < high
+        if not (math.isfinite(result) and inside):
             raise ValueError(expected)
         return result
 

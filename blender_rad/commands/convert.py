@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``convert``: from unit to unit, through an emitter's shape and its spectrum."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from ..errors import RadError
+from ..quantities import PRESETS
+from . import _values as values
+from ._base import Command, Outcome, option
+
+EXPOSURE = re.compile(r"f/([\d.]+),([\d./]+),ISO(\d+)", re.IGNORECASE)
+AMOUNT = f"a number, {', '.join(PRESETS)}, or an exposure as f/8,1/125,ISO100"
+ANGLE, SHARE = values.number(0, 180, closed=True), values.number(0, 1, closed=True)
+SHAPE = ("distance", "area", "radius", "cone", "blend", "spread", "angle", "duration")
+
+
+def amount(value: Any) -> tuple[float, str | None]:
+    """Return a number and, where it has one of its own, its unit."""
+    exposure = EXPOSURE.fullmatch(str(value))
+    try:
+        if exposure:
+            from ..units import ev100
+
+            return ev100(*(float(Fraction(part)) for part in exposure.groups())), "EV100"
+        return PRESETS[value] if value in PRESETS else (values.number()(value), None)
+    except (ValueError, ArithmeticError):
+        raise ValueError(AMOUNT) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConvertOptions(Command, verb="convert"):
+    """Convert light from unit to unit, through the emitter's shape and its spectrum.
+
+    Attributes
+    ----------
+    value : with the unit of its own that a preset or an exposure has.
+    cone, spread, angle : full angles [degrees].
+    limits : [nm], between which the spectrum's watts are counted.
+    """
+
+    value: tuple[float, str | None] = option(amount, AMOUNT, metavar="VALUE", positional=True)
+    unit: str = option(values.text, "its unit", metavar="UNIT", positional=True)
+    to: str = option(values.text, "the unit wanted", metavar="UNIT", required=True)
+    emitter: str | None = option(
+        values.text, "point, sphere, spot, area, mesh, sun or sky", metavar="NAME"
+    )
+    distance: float | None = option(values.number(0), "from the emitter's centre", metavar="M")
+    area: float | None = option(values.number(0), "emitter's; sun, sky: what is lit", metavar="M2")
+    radius: float | None = option(values.number(0), "of a ball", metavar="M")
+    cone: float | None = option(ANGLE, "full angle of a spot", metavar="DEG")
+    blend: float | None = option(SHARE, "of a spot (default: 0, hard)", metavar="0-1")
+    spread: float | None = option(ANGLE, "full angle of an area (default: 180)", metavar="DEG")
+    angle: float | None = option(ANGLE, "full angle of the sun's disc", metavar="DEG")
+    duration: float | None = option(values.number(0), "from flux to energy", metavar="S")
+    spectrum: str | None = option(
+        values.text,
+        "D65, FL2, LED-B3 …, blackbody:K, temperature:K, laser:NM, rgb:R,G,B or FILE.csv",
+        metavar="NAME",
+    )
+    limits: tuple[float, float] | None = option(
+        values.vector(2), "nm between which its watts count (default: 380,780)", metavar="A,B"
+    )
+    efficacy: float | None = option(
+        values.efficacy, "instead of a spectrum: a convention, or lm per W", metavar="NAME|NUMBER"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.exclude("spectrum", "efficacy")
+        self.require("limits", "spectrum")
+
+    def run(self) -> Outcome:
+        from ..spectra import spectrum
+        from ..units import convert, unit_named
+
+        value, own = self.value
+        if own not in (None, self.unit):
+            raise RadError(f"this value is not in {self.unit}", "UNIT", f"expected {own}")
+        given = {name: getattr(self, name) for name in SHAPE if getattr(self, name) is not None}
+        shape = given | {
+            name: math.radians(given[name]) for name in ("cone", "spread", "angle") if name in given
+        }
+        light = spectrum(self.spectrum, self.limits) if self.spectrum else None
+        result = convert(
+            value,
+            self.unit,
+            self.to,
+            emitter=self.emitter,
+            shape=shape,
+            light=light or self.efficacy,
+        )
+        quantity, came = unit_named(self.to).quantity.name, unit_named(self.unit).quantity.name
+        document = {
+            "value": result.value,
+            "unit": self.to,
+            "quantity": quantity,
+            "from": {"value": value, "unit": self.unit, "quantity": came},
+            "efficacy_lm_W": result.efficacy_lm_W,
+            "formula": result.formula,
+            "spectrum": light
+            and {
+                "name": light.name,
+                "limits_nm": light.limits_nm,
+                "photons_per_J": light.photons_per_J(),
+                "correlated_colour_temperature_K": light.colour.temperature_K,
+                "duv": light.colour.duv,
+                "colour_rendering_index": light.colour.rendering_index,
+            },
+        }
+        words = quantity.replace("_", " ")
+        return Outcome(document, f"{result.value:.7g} {self.to} {words}\n  {result.formula}")

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From unit to unit: through the emitter's shape, its spectrum, and the camera.
+
+A unit is a quantity and a factor. An emitter rests on its intensity on axis, I (point, sphere,
+spot, area, mesh), or on the irradiance of what faces it, E (sun, sky, and where no emitter is
+given); its other quantities are a number times that. A spectrum is lumens and photons a watt. So a
+conversion is a product, and its inverse the reciprocal.
+
+A spot's flux is that of its cone alone, which Blender's watts are not divided by; its factor and
+that of an area's spread are derived in `lights.spot` and `lights.area`. From an area the irradiance
+is I/d² from afar and, where the area is given, that of a disc. A mesh is a flat one that shines
+from both faces. The flux of sun and sky is what falls onto an area that faces them.
+
+Camera. EV100 = log₂(N²/t · 100/S) is what a reflected-light meter with K = 12.5 (ISO 2720) says of
+L_v = 2^EV100 K/100 cd/m². Exposed so, it becomes middle grey: the picture's value 0.18 is
+L_e · film exposure · 2^(view exposure), and each of the two, the other at rest, is a unit of L_e.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
+from .errors import RadError, unknown_name
+from .quantities import AVOGADRO, PHOTOSYNTHETIC_NM, Form, Quantity, quantity
+from .spectra import Spectrum
+
+FOOT = 0.3048  # m
+UMOL = AVOGADRO * 1e-6
+METER_CONSTANT = 12.5  # K [cd s/m²]
+MIDDLE_GREY = 0.18  # scene-linear
+
+
+class Unit(NamedTuple):
+    """A unit: its SI value is factor · x^sign, or factor · 2^(sign · x) where x counts stops."""
+
+    symbol: str
+    form: Form
+    kind: Literal["radiant", "luminous", "photon", "photosynthetic"]
+    factor: float = 1.0
+    definition: str = ""
+    stops: bool = False
+    sign: int = 1
+
+    @property
+    def quantity(self) -> Quantity:
+        """What it is a unit of."""
+        return quantity(self.form, "photon" if self.kind == "photosynthetic" else self.kind)
+
+    def to_si(self, value: float) -> float:
+        """Return the value in SI."""
+        return self.factor * (2.0**value if self.stops else value) ** self.sign
+
+    def from_si(self, value: float) -> float:
+        """Return the value in this unit."""
+        ratio = (value / self.factor) ** self.sign
+        return ratio if not self.stops else math.log2(ratio) if ratio > 0.0 else -math.inf
+
+
+_PHOTONS = f"1 umol = {UMOL:.9g} photons"
+_GREY = f"L_e = {MIDDLE_GREY}"
+UNITS = {
+    unit.symbol: unit
+    for unit in (
+        Unit("W", "flux", "radiant"),
+        Unit("lm", "flux", "luminous"),
+        Unit("photons/s", "flux", "photon"),
+        Unit("umol/s", "flux", "photosynthetic", UMOL, _PHOTONS),
+        Unit("J", "energy", "radiant"),
+        Unit("lm.s", "energy", "luminous"),
+        Unit("talbot", "energy", "luminous", 1.0, "1 talbot = 1 lm s"),
+        Unit("W/sr", "intensity", "radiant"),
+        Unit("cd", "intensity", "luminous"),
+        Unit("W/m2", "irradiance", "radiant"),
+        Unit("lx", "irradiance", "luminous"),
+        Unit("fc", "irradiance", "luminous", FOOT**-2, "1 fc = 1 lm/ft²"),
+        Unit("umol/m2/s", "irradiance", "photosynthetic", UMOL, _PHOTONS),
+        Unit("W/m2/sr", "radiance", "radiant"),
+        Unit("cd/m2", "radiance", "luminous"),
+        Unit("nit", "radiance", "luminous", 1.0, "1 nit = 1 cd/m²"),
+        Unit("fl", "radiance", "luminous", FOOT**-2 / math.pi, "1 fl = 1/π cd/ft²"),
+        Unit(
+            "EV100", "radiance", "luminous", METER_CONSTANT / 100.0, "L_v = 0.125 · 2^EV100", True
+        ),
+        Unit("film-exposure", "radiance", "radiant", MIDDLE_GREY, f"{_GREY}/film", False, -1),
+        Unit("view-exposure", "radiance", "radiant", MIDDLE_GREY, f"{_GREY}/2^view", True, -1),
+    )
+}
+
+
+def ev100(f_number: float, shutter: float, iso: float) -> float:
+    """Return EV100 of an aperture N, a shutter time [s] and a film speed S."""
+    return math.log2(f_number**2 / shutter * 100.0 / iso)
+
+
+Shape = Mapping[str, float]  # metres, m², seconds and radians, by the name of the option
+Relation = tuple[str, float]  # an equation, and the quantity over that on which the emitter rests
+
+
+class Step(NamedTuple):
+    """One quantity of an emitter: the options that it needs, and those that it may take."""
+
+    needs: tuple[str, ...]
+    relation: Callable[[Shape], Relation]
+    takes: tuple[str, ...] = ()
+
+
+def _from_ball(shape: Shape) -> Relation:
+    """Return I/d², which holds while all of the ball shines on the point."""
+    c = math.cos(0.5 * shape.get("cone", math.pi))
+    even = c + (1.0 - c) * shape.get("blend", 0.0)
+    if shape.get("radius", 0.0) > shape["distance"] * math.sqrt(1.0 - even**2) * (1.0 + 1e-12):
+        raise RadError("too near the ball for the inverse square", "--distance", "expected more")
+    return "E = I/d²", shape["distance"] ** -2
+
+
+def _from_disc(shape: Shape) -> Relation:
+    """Return E/I on the axis of a disc, L(θ) ∝ tan h − tan θ up to θ = t."""
+    if "area" not in shape:
+        return "E = I/d²", shape["distance"] ** -2
+    half = 0.5 * shape.get("spread", math.pi)
+    t = min(math.atan2(math.sqrt(shape["area"] / math.pi), shape["distance"]), half)
+    lost = (t - math.sin(t) * math.cos(t)) / math.tan(half)
+    text = "E = π I/A (sin²t − (t − sin t cos t)/tan h), t = min(h, atan(√(A/π)/d)), h = spread/2"
+    text = text if "spread" in shape else "E = I/(d² + A/π)"
+    return text, math.pi / shape["area"] * (math.sin(t) ** 2 - lost)
+
+
+def _spot_flux(shape: Shape) -> Relation:
+    cap = 1.0 - math.cos(0.5 * shape["cone"])
+    text = "Φ = 2π (1 − cos(cone/2)) (1 − blend/2) I"
+    return text, 2.0 * math.pi * cap * (1.0 - 0.5 * shape.get("blend", 0.0))
+
+
+def _area_flux(shape: Shape) -> Relation:
+    if "spread" not in shape:
+        return "Φ = π I", math.pi
+    half = 0.5 * shape["spread"]
+    tangent = math.tan(half)
+    return "Φ = π I (tan h − h)/tan h, h = spread/2", math.pi * (tangent - half) / tangent
+
+
+_REST = Step((), lambda _: ("", 1.0))
+_BALL = {
+    "intensity": _REST,
+    "irradiance": Step(("distance",), _from_ball, ("radius",)),
+    "radiance": Step(("radius",), lambda s: ("L = I/(πr²)", 1.0 / (math.pi * s["radius"] ** 2))),
+}
+_PLATE = {
+    "intensity": _REST,
+    "irradiance": Step(("distance",), _from_disc, ("area",)),
+    "radiance": Step(("area",), lambda s: ("L = I/A", 1.0 / s["area"])),
+}
+_LIT = {"irradiance": _REST, "flux": Step(("area",), lambda s: ("Φ = E A", s["area"]))}
+_POINT = _BALL | {"flux": Step((), lambda _: ("Φ = 4π I", 4.0 * math.pi))}
+_SUN = Step(
+    ("angle",),
+    lambda s: ("E = π sin²(angle/2) L", 1.0 / (math.pi * math.sin(0.5 * s["angle"]) ** 2)),
+)
+_BARE = _LIT | {"intensity": Step(("distance",), lambda s: ("E = I/d²", s["distance"] ** 2))}
+EMITTERS = {
+    "point": _POINT,
+    "sphere": _POINT,
+    "spot": _BALL | {"flux": Step(("cone",), _spot_flux, ("blend",))},
+    "area": _PLATE | {"flux": Step((), _area_flux, ("spread",))},
+    "mesh": _PLATE | {"flux": Step((), lambda _: ("Φ = 2π I", 2.0 * math.pi))},
+    "sun": _LIT | {"radiance": _SUN},
+    "sky": _LIT | {"radiance": Step((), lambda _: ("E = π L", 1.0 / math.pi))},
+}
+_DURATION = Step(("duration",), lambda s: ("Q = Φ t", s["duration"]))
+_WORDS = {
+    "emitter": "an emitter, for its solid angle",
+    "cone": "a cone, for its solid angle",
+    "angle": "an angle, for its solid angle",
+    "area": "an area",
+    "spectrum": "a spectrum (or, from W to lm, an --efficacy)",
+}
+
+
+class Conversion(NamedTuple):
+    """A converted value, the efficacy that is known [lm/W], and how it came about."""
+
+    value: float
+    efficacy_lm_W: float | None  # noqa: N815 - the unit's own spelling
+    formula: str
+
+
+def unit_named(symbol: str) -> Unit:
+    """Return the unit of that symbol, in ASCII or not."""
+    plain = symbol.translate(str.maketrans("²·µμ", "2.uu"))
+    if plain not in UNITS:
+        raise unknown_name("unit", symbol, "UNIT", list(UNITS))
+    return UNITS[plain]
+
+
+def convert(
+    value: float,
+    unit: str,
+    to: str,
+    *,
+    emitter: str | None = None,
+    shape: Shape | None = None,
+    light: Spectrum | float | None = None,
+) -> Conversion:
+    """Return `value` in another unit.
+
+    Parameters
+    ----------
+    unit, to : of `UNITS`.
+    emitter : of `EMITTERS`; None for relations that need none.
+    shape : of the emitter and its place, by name, each above 0 (blend may be 0).
+    light : a spectrum, or a luminous efficacy [lm/W] by convention.
+
+    Raises
+    ------
+    RadError
+        For what is unknown, below 0 or not finite, and for what is missing, by name.
+    """
+    source, target, shape = unit_named(unit), unit_named(to), shape or {}
+    if not math.isfinite(value) or (value < 0.0 and not source.stops):
+        raise RadError(f"{value:g} {unit} is no amount of light", "VALUE", "expected 0 or more")
+    ends = (source, target), (target, source)
+    paths = [
+        _kind_steps(end, other, light) + _form_steps(end, other, emitter, shape)
+        for end, other in ends
+    ]
+    missing = [name for path in paths for step in path for name in step.needs if name not in shape]
+    if missing:
+        raise _missing_error(f"{unit} to {to}", missing)
+    texts = [source.definition]
+    try:
+        result = source.to_si(value)
+        for path, sign in zip(paths, (-1, 1), strict=True):
+            for step in path:
+                text, factor = step.relation(shape)
+                texts.append(text)
+                result *= factor**sign
+        result = target.from_si(result)
+    except ArithmeticError:
+        result = math.nan
+    if not math.isfinite(result):
+        what = f"{value:g} {unit} is no finite number of {to}"
+        raise RadError(what, "VALUE", "expected another value, shape or spectrum")
+    formula = "; ".join(dict.fromkeys(text for text in (*texts, target.definition) if text))
+    known = light.efficacy_lm_W if isinstance(light, Spectrum) else light
+    return Conversion(result, known, formula or f"1 {unit} = 1 {to}")
+
+
+def _kind_steps(end: Unit, other: Unit, light: Spectrum | float | None) -> list[Step]:
+    """Return what leads from radiant to `end`; photons need no spectrum to be counted in µmol."""
+    kinds = {end.kind, other.kind}
+    counting = kinds == {"photon", "photosynthetic"} and not isinstance(light, Spectrum)
+    if len(kinds) == 1 or end.kind == "radiant" or counting:
+        return []
+    if end.kind == "luminous" and light is not None:
+        factor = light.efficacy_lm_W if isinstance(light, Spectrum) else light
+        text = f"X_v = K X_e, K = {factor:.6g} lm/W"
+    elif isinstance(light, Spectrum):
+        part = end.kind == "photosynthetic"
+        factor = light.photons_per_J(*[PHOTOSYNTHETIC_NM] * part)
+        text = f"X_p = n X_e, n = {factor:.6g}/J{' of 400–700 nm' * part}"
+    else:
+        return [Step(("spectrum",), _REST.relation)]
+    title = light.title if isinstance(light, Spectrum) else "by convention"
+    return [Step((), lambda _: (f"{text} ({title})", factor))]
+
+
+def _form_steps(end: Unit, other: Unit, emitter: str | None, shape: Shape) -> list[Step]:
+    """Return what leads from that on which the emitter rests to `end`; energy is flux times t."""
+    table = _table(emitter, shape)
+    form, away = ("flux" if unit.form == "energy" else unit.form for unit in (end, other))
+    steps = [_DURATION] if end.form == "energy" != other.form else []
+    if form == away:
+        return steps
+    pair = {form, away}
+    bare = pair == {"irradiance", "intensity"} or (
+        pair == {"irradiance", "flux"} and "area" in shape
+    )
+    if not emitter and not bare:
+        return [Step(("emitter", *["distance"] * ("irradiance" in pair)), _REST.relation)]
+    if form not in table:
+        what = f"{emitter} has no {end.quantity.name}"
+        raise RadError(what, "--emitter", "expected another emitter")
+    return [*steps, table[form]]
+
+
+def _table(emitter: str | None, shape: Shape) -> Mapping[str, Step]:
+    """Return an emitter's quantities, after a look at whether it has all that is given."""
+    if emitter and emitter not in EMITTERS:
+        raise unknown_name("emitter", emitter, "--emitter", list(EMITTERS))
+    table = EMITTERS[emitter] if emitter else _BARE
+    known = {name for step in (*table.values(), _DURATION) for name in step.needs + step.takes}
+    for name in shape:
+        if name not in known:
+            what = f"{emitter or 'no emitter'} has no {name}"
+            raise RadError(what, f"--{name}", f"expected any of: {', '.join(sorted(known))}")
+        if not (0.0 < shape[name] < math.inf or (shape[name] == 0.0 and name == "blend")):
+            raise RadError(f"a {name} of {shape[name]:g}", f"--{name}", "expected more than 0")
+    return table
+
+
+def _missing_error(conversion: str, missing: list[str]) -> RadError:
+    names = list(dict.fromkeys(missing))
+    return RadError(
+        f"{conversion} needs {' and '.join(_WORDS.get(name, f'a {name}') for name in names)}",
+        ", ".join(f"--{name}" for name in names),
+        "expected what `blender-rad convert --help` shows",
+    )
