@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Model = Literal["cycles", "physical"]
 
-LIGHTS: Registry[type[Light]] = Registry("blender_rad.lights", "light type")
+LIGHTS: Registry[type[Light]] = Registry(__name__.rpartition(".")[0], "light type")
 
 
 class LightSample(NamedTuple):

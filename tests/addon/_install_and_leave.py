@@ -14,6 +14,7 @@ from pathlib import Path
 import bpy
 
 MODULE = "bl_ext.user_default.radiometric"
+REGISTRIES = {"lights": "LIGHTS", "commands": "COMMANDS", "compare.metrics": "METRICS"}
 
 
 def traces() -> set[str]:
@@ -57,7 +58,12 @@ def main(zip_path: str, story_path: str) -> None:
         story["enabled"].append(addon_utils.check(MODULE)[1])
         story["loaded_by_enabling"] += sorted(set(sys.modules) - modules)
         story["registered"] = sorted(traces() - before)
-        story["library_version"] = importlib.import_module(f"{MODULE}.blender_rad").__version__
+        library = f"{MODULE}.blender_rad"
+        story["library_version"] = importlib.import_module(library).__version__
+        story["registries"] = {
+            package: sorted(getattr(importlib.import_module(f"{library}.{package}"), name))
+            for package, name in REGISTRIES.items()
+        }
         addon_utils.disable(MODULE, default_set=True)
         story["left_behind"].append(sorted(traces() - before))
     manifest = Path(sys.modules[MODULE].__file__).with_name("blender_manifest.toml")

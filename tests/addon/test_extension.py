@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import subprocess
@@ -12,6 +13,8 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+
+from blender_rad.registry import Registry
 
 pytestmark = pytest.mark.blender
 
@@ -96,3 +99,12 @@ def test_it_leaves_nothing_behind(story: dict[str, object]) -> None:
 def test_the_library_runs_inside_the_extension(story: dict[str, object]) -> None:
     assert story["library_version"] == story["manifest_version"]
     assert story["outside_package_loaded"] is False
+
+
+@pytest.mark.parametrize("package", ["lights", "commands", "compare.metrics"])
+def test_registries_hold_in_the_extension_what_they_hold_outside(
+    story: dict[str, dict[str, list[str]]], package: str
+) -> None:
+    outside = importlib.import_module(f"blender_rad.{package}")
+    (registry,) = {id(v): v for v in vars(outside).values() if isinstance(v, Registry)}.values()
+    assert story["registries"][package] == sorted(registry) != []
