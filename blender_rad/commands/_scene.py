@@ -63,8 +63,8 @@ class SceneCommand(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EngineCommand(SceneCommand):
-    """A verb that works out the light of a scene; with `threads` None on all processors."""
+class ModelCommand(SceneCommand):
+    """A verb that gives lights a meaning."""
 
     model: Literal["cycles", "physical"] = option(
         values.choice("cycles", "physical"),
@@ -72,6 +72,12 @@ class EngineCommand(SceneCommand):
         default="cycles",
         metavar="cycles|physical",
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineCommand(ModelCommand):
+    """A verb that works out the light of a scene; with `threads` None on all processors."""
+
     threads: int | None = option(values.integer(1), "processors to use (default: all)", metavar="N")
 
 

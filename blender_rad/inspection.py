@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What each light of a scene truly emits, and why that is not what Blender's number suggests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .emitters import emitters
+from .errors import Finding, RadError
+from .lights import Light, LightRecord, Model, light_from_record
+from .lights._emission import RANGE_K
+from .lights.area import AreaLight
+from .lights.mesh import MeshLight
+from .lights.point import PointLight
+from .lights.spot import SpotLight
+from .quantities import EFFICACIES_LM_W, K_M
+from .scene import Scene
+from .spectra import colour_temperature, luminous_efficacy
+from .working_space import xyz_from_rgb
+
+Array = NDArray[np.float64]
+
+# What a row holds, radiant and luminous, in the order of `_amounts`.
+KEYS = (
+    ("radiant_flux_W", "luminous_flux_lm"),
+    ("peak_radiant_intensity_W_sr", "peak_luminous_intensity_cd"),
+    ("radiance_W_m2_sr", "luminance_cd_m2"),
+    ("irradiance_W_m2", "illuminance_lx"),
+)
+LEDS_K = {"LED-B1": 2733, "LED-B2": 2998, "LED-B3": 4103, "LED-B4": 5109, "LED-B5": 6598}
+DAYLIGHT = "D65"
+SAME = 1e-4  # relative, below which two figures are one
+WORDS = {
+    "Light linking": "light linking: it lights, or is shadowed by, chosen objects only",
+    "Seen by the camera only": "seen by the camera, and lights nothing (ray visibility)",
+}
+
+
+@dataclass(frozen=True)
+class _Source:
+    """One piece of a row: its light in the scene's model and in the other; a string says why not.
+
+    None emits nothing.
+    """
+
+    name: str
+    kind: str
+    light: Light | str | None
+    other: Light | str | None
+    record: LightRecord | None = None
+
+
+def inspect_lights(scene: Scene, efficacy: float) -> tuple[list[dict[str, Any]], list[Finding]]:
+    """Return a row for each light object, mesh emitter and world, and findings about them.
+
+    Flux and what the notes say are those of one piece of `count`, their mean where they differ;
+    intensity and radiance are the greatest in any direction. Values are None where they have no
+    meaning or are not known.
+
+    Parameters
+    ----------
+    scene : its `model` is the rows' own.
+    efficacy : [lm/W].
+    """
+    groups: dict[str, list[_Source]] = {}
+    for source in _sources(scene):
+        groups.setdefault(source.name, []).append(source)
+    findings = list(scene.findings)
+    rows: list[dict[str, Any]] = []
+    for sources in groups.values():
+        findings += _unit_scale(scene, sources[0])
+        rows.append(_row(scene, efficacy, sources, findings))
+    if not any(row["luminous_flux_lm"] or row["illuminance_lx"] for row in rows):
+        findings.append(Finding("nothing-emits", "warning", "", "no light that is known to emit"))
+    return rows, findings
+
+
+def _sources(scene: Scene) -> Iterator[_Source]:
+    other: Model = "physical" if scene.model == "cycles" else "cycles"
+    for record in scene.light_records:
+        mine, theirs = (_built(record, model) for model in (scene.model, other))
+        yield _Source(record.name, record.bl_type, mine, theirs, record)
+    for emitter in emitters(scene)[0]:
+        light = emitter.cause.feature if emitter.cause else emitter.light
+        if emitter.light.kind in ("MESH", "WORLD"):
+            yield _Source(emitter.light.name, emitter.light.kind, light, light)
+
+
+def _built(record: LightRecord, model: Model) -> Light | str | None:
+    if not record.shown:
+        return None
+    try:
+        return record.unknown or light_from_record(record, model)
+    except RadError as error:  # an IES text that is none
+        return str(error)
+
+
+def _amounts(kind: str, light: Light | str | None, metre: float) -> Array:
+    """Return flux, peak intensity, radiance and facing irradiance, (4, 3), nan for none."""
+    if isinstance(light, str):
+        return np.full((4, 3), np.nan)
+    if light is None:
+        dark = [np.nan, np.nan, np.nan, 0.0] if kind == "SUN" else [0.0, 0.0, np.nan, np.nan]
+        return np.tile(np.array(dark)[:, None], 3)
+    area = metre**2
+    found = [
+        light.leaving_flux() * area,
+        light.peak_radiant_intensity() * area,
+        light.peak_radiance(),
+        light.facing_irradiance(),
+    ]
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _row(
+    scene: Scene, efficacy: float, sources: list[_Source], findings: list[Finding]
+) -> dict[str, Any]:
+    first, weights = sources[0], np.array(scene.luminance_weights)
+    placed = [instance.name for instance in scene.instances]
+    count = placed.count(first.name) if first.kind == "MESH" else len(sources)
+    pieces = np.array([_amounts(s.kind, s.light, scene.unit_scale_m) for s in sources])
+    twins = np.array([_amounts(s.kind, s.other, scene.unit_scale_m) for s in sources])
+    amounts, others = (_joined(each, weights, count) for each in (pieces, twins))
+    values: dict[str, Any] = {}
+    for (radiant, luminous), rgb, twin in zip(KEYS, amounts, others, strict=True):
+        values |= {
+            radiant: _scalar(rgb.mean()),
+            f"{radiant}_rgb": None if np.isnan(rgb).any() else rgb.tolist(),
+            luminous: _scalar(efficacy * (weights @ rgb)),
+            f"other_model_{radiant}": _scalar(twin.mean()),
+            f"other_model_{luminous}": _scalar(efficacy * (weights @ twin)),
+        }
+    colour = next((rgb for rgb in amounts if np.any(rgb > 0.0)), np.zeros(3))
+    temperature = colour_temperature((xyz_from_rgb(scene.chromaticities) @ colour).tolist())[0]
+    row: dict[str, Any] = {
+        "name": first.name,
+        "type": first.kind,
+        "count": count,
+        "blender_energy": first.record and float(first.record.properties["energy"]),
+        **values,
+        "nominal": True,
+        "efficacy_lm_W": efficacy,
+        "correlated_colour_temperature_K": temperature,
+    }
+    names = {first.name, first.record.data if first.record else first.name}
+    notes = [f.message for f in findings if f.object in names]
+    known = {u.feature for u in scene.unsupported if u.kind == "light" and u.name == first.name}
+    notes += [text for feature, text in WORDS.items() if feature in known]
+    notes += _notes(first, weights, scene.unit_scale_m)
+    fluxes = pieces[:, 0].mean(axis=1)
+    if len(sources) == count and np.ptp(fluxes) > SAME * np.abs(fluxes).max():
+        low, high = fluxes.min(), fluxes.max()
+        notes.append(f"its {count} instances differ, {low:.4g} to {high:.4g} W: this is the mean")
+    if efficacy == K_M and any(values[luminous] for _, luminous in KEYS):
+        notes.append(_photopic(first.kind, temperature))
+    return {**row, "notes": list(dict.fromkeys(notes))}
+
+
+def _joined(pieces: Array, weights: Array, count: int) -> Array:
+    """Return the mean flux of `count` pieces (k, 4, 3) and their greatest other amounts, (4, 3)."""
+    brightest = np.argmax(np.abs(pieces @ weights), axis=0)
+    amounts = pieces[brightest, np.arange(4)]
+    amounts[0] = pieces[:, 0].sum(axis=0) / count
+    return amounts
+
+
+def figure(value: float | None) -> str:
+    """Return four digits of a number, thousands apart; nothing for None."""
+    if value is None:
+        return ""
+    if not 1e-3 <= abs(value) < 1e9:
+        return f"{value:.4g}"
+    decimals = 3 - math.floor(math.log10(abs(value)))
+    text = f"{round(value, decimals):,.{max(decimals, 0)}f}"
+    return (text.rstrip("0").rstrip(".") if decimals > 0 else text).replace(",", " ")
+
+
+def _scalar(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def _ratio(over: Array, under: Array) -> float:
+    """Return the factor between two triples of one colour."""
+    channel = int(np.argmax(np.abs(under)))
+    return float(over[channel] / under[channel])
+
+
+def _unit_scale(scene: Scene, source: _Source) -> Iterator[Finding]:
+    """Yield what the unit scale makes of a power, with both figures."""
+    pair = source.light, source.other
+    cycles, physical = pair if scene.model == "cycles" else pair[::-1]
+    if scene.unit_scale_m == 1.0 or not (isinstance(cycles, Light) and isinstance(physical, Light)):
+        return
+    effect = _ratio(cycles.leaving_flux(), physical.leaving_flux()) - 1.0
+    if source.record and abs(effect) > SAME:
+        energy = source.record.properties["energy"]
+        yield Finding(
+            "unit-scale",
+            "warning",
+            source.name,
+            f"a unit is {scene.unit_scale_m:g} m, but Cycles lets light fall off over units: its "
+            f"{figure(energy)} W light the scene as {figure(energy * (1.0 + effect))} W would",
+            100.0 * effect,
+        )
+
+
+def _notes(source: _Source, weights: Array, metre: float) -> Iterator[str]:
+    """Yield why a light is not what its number says."""
+    light, record = source.light, source.record
+    if isinstance(light, str):
+        yield f"what it emits is not known: {light}"
+    elif light is None and record is not None:
+        yield f"emits nothing: {_why_dark(record)}"
+    elif isinstance(light, MeshLight):
+        yield _faces(light)
+    elif light is not None and record is not None:
+        yield from _of_power(light, record)
+        yield from _of_colour(record, weights)
+        yield from _of_shape(light, record, metre)
+        if light.distribution is not None:
+            yield (
+                "its IES file's candela are W/sr over "
+                f"{EFFICACIES_LM_W['cycles-ies']} lm/W in Cycles (--efficacy cycles-ies), over "
+                f"{K_M} in the physical model; declared lumens, TILT and sizes have no part in it"
+            )
+        if not light.cast_shadow:
+            yield "casts no shadow: it lights what is behind walls too"
+
+
+def _why_dark(record: LightRecord) -> str:
+    properties = record.properties
+    reasons = {
+        "it is hidden in renders": not record.shown,
+        "it is a portal, which guides the world's light": bool(properties.get("cycles.is_portal")),
+        "its strength is 0": properties["energy"] == 0.0,
+        "its colour is black": not any(properties["color"]),
+        "its nodes give nothing": not any(properties.get("node_emission", (1.0,))),
+    }
+    return next((text for text, holds in reasons.items() if holds), "its scale is 0")
+
+
+def _faces(light: MeshLight) -> str:
+    share = _ratio(light.leaving_flux(), light.radiant_flux())
+    if share > 1.0 - SAME:
+        return "shines from both faces, half of it from each"
+    return f"a shape that lights itself: {100.0 * share:.3g} % of what its faces emit leaves it"
+
+
+def _of_power(light: Light, record: LightRecord) -> Iterator[str]:
+    properties = record.properties
+    energy, exposure = float(properties["energy"]), float(properties.get("exposure", 0.0))
+    if energy < 0.0:
+        yield "its strength is below 0: it takes light away"
+    if exposure != 0.0:
+        yield f"exposure {exposure:.3g} makes its {figure(energy)} {figure(energy * 2**exposure)}"
+    if properties.get("normalize", True) or (light.kind == "SUN" and light.is_delta):
+        return
+    if light.kind == "SUN":
+        yield "not normalised: its strength is its radiance, and a wider angle is more light"
+    elif light.kind != "AREA" and light.is_delta:
+        yield "not normalised: without a radius, that is 4 times its power"
+    else:
+        yield "not normalised: its strength is W a square unit, and a larger light is more light"
+
+
+def _of_colour(record: LightRecord, weights: Array) -> Iterator[str]:
+    properties = record.properties
+    nodes = np.array(properties.get("node_emission", 1.0))
+    for name, tint in (("colour", np.array(properties["color"])), ("nodes", nodes)):
+        if np.any(np.abs(tint - 1.0) > SAME):
+            yield f"{name}: {_times(weights, tint)}"
+    if properties.get("use_temperature"):
+        kelvin, tint = properties["temperature"], np.array(properties["temperature_color"])
+        low, high = RANGE_K
+        ends = f", as at {low if kelvin < low else high:.0f} K, where colours end"
+        yield f"{kelvin:.0f} K{ends * (not low <= kelvin <= high)}: {_times(weights, tint)}"
+
+
+def _times(weights: Array, tint: Array) -> str:
+    return f"{weights @ tint:.3g} times the lm and {tint.mean():.3g} times the W of white"
+
+
+def _of_shape(light: Light, record: LightRecord, metre: float) -> Iterator[str]:
+    scale = np.sqrt(np.sum(record.world_from_light[:3, :3] ** 2, axis=0))
+    scaled = bool(np.any(np.abs(scale - 1.0) > SAME))
+    if isinstance(light, SpotLight) and light.distribution is None:
+        share = _ratio(light.radiant_flux(), light.rgb)
+        angle = np.degrees(2.0 * np.arccos(light.cos_half_angle))
+        yield (
+            f"its {angle:.3g}° cone cuts light off and gathers none: {100.0 * share:.3g} % of its "
+            "power leaves"
+        )
+        if scaled and np.ptp(scale) > SAME * scale.max():
+            yield "its object's scale stretches the cone"
+    if isinstance(light, PointLight) and light.radius > 0.0:
+        radius = light.radius * metre
+        if light.soft_falloff:
+            yield (
+                f"soft falloff: a disc of radius {radius:.3g} m that faces every point, and 1 m "
+                f"away gives {100.0 / (1.0 + radius**2):.3g} % of what its power says"
+            )
+        if scaled:
+            yield "its object's scale does not act on its radius"
+    if isinstance(light, AreaLight):
+        if light.is_delta:
+            yield "no spread: a parallel beam, which has no intensity and no radiance"
+        elif light.spread < np.pi - SAME and light.distribution is None:
+            gain = np.pi * _ratio(light.peak_radiant_intensity(), light.radiant_flux())
+            angle = np.degrees(light.spread)
+            yield f"its {angle:.3g}° spread gathers its power: {gain:.3g} times as bright on axis"
+        if scaled:
+            u, v = (np.linalg.norm(axis) * metre for axis in (light.axis_u, light.axis_v))
+            yield f"with its object's scale it is {u:.3g} × {v:.3g} m"
+
+
+def _photopic(kind: str, temperature: float | None) -> str:
+    """Return why its lumens are so many, and the spectrum to choose."""
+    text = f"{K_M:.0f} lm/W takes each watt as green of 555 nm, so that 100 W are 68 300 lm"
+    if temperature is None:
+        return f"{text}; choose the --efficacy of its source's spectrum"
+    name = min(LEDS_K, key=lambda led: abs(1.0 / LEDS_K[led] - 1.0 / temperature))
+    name = DAYLIGHT if kind in ("SUN", "WORLD") else name
+    efficacy = luminous_efficacy(name)
+    return f"{text}; its white is like {name}, which has {efficacy:.0f}: --efficacy {efficacy:.0f}"
