@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import Finding
+from ..quantities import EFFICACIES_LM_W
 from .claims import claims_of_lights
 from .factors import Problem, fit, problem_from_cells
 from .pools import (
@@ -27,9 +28,7 @@ from .pools import (
 )
 from .result import MIN_ENERGY, Verdict
 
-KM = 683.002  # lm/W, photopic
-CYCLES_IES = 177.83  # lm/W, of Cycles' IES texture
-RADIANCE = 179.0  # lm/W, of Radiance
+PHOTOPIC, CYCLES_IES, RADIANCE = EFFICACIES_LM_W.values()
 
 SIGMAS = 3.0
 NEGLIGIBLE = 0.25  # of the tolerance: structure below it is left alone
@@ -76,8 +75,8 @@ CAUSES = (
         4.0 / math.pi,
         "AREA",
     ),
-    Cause("efficacy-cycles-ies", _LUMENS.format(CYCLES_IES), KM / CYCLES_IES, _FALLING_OFF),
-    Cause("efficacy-radiance", _LUMENS.format(RADIANCE), KM / RADIANCE, _FALLING_OFF),
+    Cause("efficacy-cycles-ies", _LUMENS.format(CYCLES_IES), PHOTOPIC / CYCLES_IES, _FALLING_OFF),
+    Cause("efficacy-radiance", _LUMENS.format(RADIANCE), PHOTOPIC / RADIANCE, _FALLING_OFF),
     Cause("pi", "radiance taken for radiosity: π", math.pi),
     Cause("four-pi", "intensity taken for power: 4π", 4.0 * math.pi, "POINT SPOT"),
 )
