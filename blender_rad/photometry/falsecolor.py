@@ -113,7 +113,7 @@ def read_map(
     else:
         stated = header.get("chromaticities") or INTEROP_IDS.get(header.get("colorInteropID", ""))
         if stated is None:
-            said = "the file does not say what its colours are: luminance has Rec.709's weights"
+            said = "the file does not say what its colours are: weights are those of Rec.709"
             findings.append(Finding("no-chromaticities", "info", "", said))
         weights = efficacy * np.array(luminance_weights(tuple(map(float, stated or REC709))))
         if quantity == "luminance":
@@ -165,12 +165,8 @@ def write_map(
 ) -> Sequence[float]:
     """Draw `light` into a PNG or PDF file, pixel for pixel, and return the values of isolines.
 
-    Small pictures are blown up by a whole number, so that the legend can be read.
-
-    Parameters
-    ----------
-    limits : ends of the legend.
-    isolines : None means the legend's ticks.
+    Small pictures are blown up by a whole number, so that the legend can be read. `limits` are the
+    legend's ends; None for `isolines` means its ticks.
     """
     import matplotlib as mpl
     from matplotlib import cm, colors
