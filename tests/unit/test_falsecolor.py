@@ -119,7 +119,7 @@ def test_pixels_stay_pixels(height: int, width: int, scale: Any, tmp_path: Path)
     expected = np.array(colormaps["viridis"](share, bytes=True), int)[..., :3]
     # At most the colour beside it, of 256, where rounding decides.
     assert np.abs(drawn - expected)[known].max(initial=0) <= 3
-    assert {tuple(colour) for colour in drawn[~known]} <= {colour[:3] for colour in HATCH}
+    assert {tuple(x) for x in np.unique(drawn[~known], axis=0)} <= {x[:3] for x in HATCH}
 
 
 def test_ranges() -> None:
