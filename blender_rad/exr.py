@@ -72,7 +72,8 @@ def film_channels(
             channels |= makers[name]()
         else:
             light = name.removeprefix("Light.")
-            channels |= _triple(f"Light.{layers[light]}.", "RGB", film.lights[light])
+            radiance = film.lights[light] + film.shown.get(light, 0.0)
+            channels |= _triple(f"Light.{layers[light]}.", "RGB", radiance)
     return channels
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ class Film:
     noise : by light name, half the difference between two independent halves of a layer's samples:
         a draw of the layer's noise.
     seen : (h, w, 3) emission that the camera sees directly.
+    shown : what of `seen` is of a light that has a layer, by its name.
     irradiance : (h, w, 3) [W/m²] on the shading normal.
     depth : (h, w) [m] along the view axis, inf for background.
     normal : (h, w, 3) in world axes.
@@ -54,6 +55,7 @@ class Film:
     excluded: NDArray[np.bool_]
     excluded_by: dict[Unsupported, int]
     findings: tuple[Finding, ...] = ()
+    shown: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
     @property
     def standard_error(self) -> Image:

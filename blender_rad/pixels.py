@@ -51,6 +51,7 @@ class Pixels:
         self.streams = np.zeros((count, streams, 3))
         self.taken = np.zeros(count, dtype=np.int64)
         self.lights = np.zeros((2, layers, count, 3), dtype=np.float32)  # by half of the streams
+        self.shown = np.zeros((layers, count, 3), dtype=np.float32)  # of `seen`
         self.seen = np.zeros((count, 3))
         self.irradiance = np.zeros((count, 3))
         self.normal = np.zeros((count, 3))

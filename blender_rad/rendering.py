@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from .cameras import CameraRays, camera_rays, view_depth
 from .direct import DirectLight, Share, Sightings
+from .emitters import WORLD_NAME
 from .errors import RadError
 from .film import Film, neighbourhood_mean
 from .pixels import Batch, Pixels
@@ -121,6 +122,8 @@ class _Run:
         self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
         self.inside = _inside(scene)
         self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
+        self.layers = {name: index for index, name in enumerate(light.names)}
+        self.layer_of = np.array([self.layers.get(i.name, -1) for i in scene.instances], dtype=int)
         layers = len(self.light.names) if settings.per_light else 0
         self.sums = Pixels(layers, len(self.place), STREAMS)
         self.sightings = Sightings(len(light.emitters), len(self.place), STREAMS)
@@ -238,9 +241,19 @@ class _Run:
             for cause in self.unsupported[material]:
                 self._exclude(batch, batch.hits[surface.material == material], cause)
         emission = self.emission.take(surface.material, axis=0)
-        if self.emission.any():
-            sums.seen[rows] += batch.total(batch.spread(emission))
+        glowing = np.flatnonzero(emission.any(axis=1))
+        layer = self.layer_of.take(surface.instance)
+        for index in np.unique(layer[glowing]):
+            part = np.where((layer == index)[:, None], emission, 0.0)
+            self._show(batch, batch.spread(part), int(index))
         return emission
+
+    def _show(self, batch: Batch, radiance: Floats, layer: int) -> None:
+        """Note emission (samples, 3) that the camera sees, of the light with that layer or -1."""
+        total = batch.total(radiance)
+        self.sums.seen[batch.rows] += total
+        if layer >= 0 and self.settings.per_light:
+            self.sums.shown[layer, batch.rows] += total
 
     def _reflected(
         self, batch: Batch, surface: Surface, share: Share, uniform: Points
@@ -288,6 +301,7 @@ class _Run:
         if world.visible_camera and not transparent and not met.all():
             if world.known:
                 radiance[~met] = world.radiance
+                self._show(batch, radiance, self.layers.get(WORLD_NAME, -1))
             for cause in world.unsupported:
                 self._exclude(batch, np.flatnonzero(~met), cause)
         before = np.where(met, distance, rays.reach)
@@ -295,9 +309,9 @@ class _Run:
             if light.visible_camera:
                 at, shown = light.intersect(rays.origins, rays.directions)
                 in_view = np.where(np.isinf(at), ~met, at < before)
-                radiance += np.where(in_view, shown, 0.0)[:, None] * light.rgb
-        if radiance.any():
-            self.sums.seen[batch.rows] += batch.total(radiance)
+                own = np.where(in_view, shown, 0.0)[:, None] * light.rgb
+                self._show(batch, own, self.layers.get(light.name, -1))
+                radiance += own
         return radiance
 
     def _exclude(self, batch: Batch, samples: Ints, cause: Unsupported) -> None:
@@ -317,6 +331,11 @@ class _Run:
             dict(zip(self.light.names, map(self._framed, layers), strict=False))
             for layers in sums.layers()
         )
+        shown = {
+            name: self._framed(sums.shown[k] * weight[:, None].astype(np.float32))
+            for name, k in self.layers.items()
+            if lights and sums.shown[k].any()
+        }
         length = np.linalg.norm(sums.normal, axis=1)[:, None]
         return Film(
             radiance=self._framed(sums.mean()),
@@ -325,6 +344,7 @@ class _Run:
             lights=lights,
             noise=noise,
             seen=self._framed(sums.seen * weight[:, None]),
+            shown=shown,
             irradiance=self._framed(sums.irradiance * weight[:, None]),
             depth=self._framed(sums.depth * scene.unit_scale_m),
             normal=self._framed(sums.normal / np.where(length > 0, length, 1.0)),
