@@ -111,9 +111,7 @@ class Sightings:
     def __init__(self, emitters: int, places: int, streams: int) -> None:
         self._counts = np.zeros((emitters, places, streams, 2), dtype=np.uint16)  # hidden, seen
 
-    def share(
-        self, place: Ints, stream: Ints, number: int, lit: Ints, seen: Bools
-    ) -> Floats:
+    def share(self, place: Ints, stream: Ints, number: int, lit: Ints, seen: Bools) -> Floats:
         """Count the samples `lit`, no two of one stream, and return c (n,); 1 before any is known.
 
         `place` and `stream` (n,) tell where samples belong.

@@ -4,8 +4,13 @@
 A lux meter is a flat cosine receiver: E = Σ_lights ∫ L V cosθ dω over the half space of its normal.
 It is a point of the estimator on an instance without triangles, so that nothing ever hits it. Each
 light is sampled in `STREAMS` independent sequences, whose spread is its error, and again where that
-is more than its part of what may be left. Rays that agree may all have missed something: to the
-spread is added 1/(n + 2) of the unoccluded light, the standard deviation of a share of which n of
+is more than its part of what may be left. With E₀ its unoccluded irradiance in closed form, f that
+of a sample and V whether it is seen, a sequence's estimate is
+
+    Ê = mean(f V) + c (E₀ - mean f)
+
+with c the share of the *other* sequences' samples that are seen. Rays that agree may all have
+missed something: to the spread is added E₀/(n + 2), the standard deviation of a share of which n of
 n rays were seen (Laplace's rule of succession).
 """
 
@@ -34,7 +39,7 @@ Ints = NDArray[np.int64]
 
 STREAMS = 16
 STUDENT_15 = 2.131 / 1.960  # 97.5 % quantile of Student's t, 15 degrees of freedom, over normal's
-FIRST_POINTS = 8  # of each stream
+FIRST_POINTS = 8  # of each stream, at least
 BATCH = 16384  # rays at once
 MAX_METERS = 1_000_000  # in a grid
 DARK = 0.1  # of the unoccluded light: readings below it need its absolute error only
@@ -160,8 +165,10 @@ class LuxMeter:
             border=None,
             film_transparent=False,
         )
+        light = copy.copy(self._light)
+        light.scene = view
         settings = Settings(error=self.error * SPOT_PIXELS, threads=self.threads)
-        film = render(view, settings, light=self._light)
+        film = render(view, settings, light=light)
         return Look(
             film.radiance.mean(axis=(0, 1)),
             film.variance.sum(axis=(0, 1)) / film.inside.size**2,
@@ -205,95 +212,96 @@ class _Few:
     def __init__(
         self, meter: LuxMeter, light: DirectLight, points: Floats, normals: Floats, first: int
     ) -> None:
-        self.error, self.weights, self.names = meter.error, meter.weights, meter.names
-        self.light, self.points, self.normals, self.first = light, points, normals, first
+        self.meter, self.light, self.first = meter, light, first
+        self.points, self.normals = points, normals
         self.lift = LIFT_M / meter.scene.unit_scale_m + RAY_OFFSET * np.abs(points).max(axis=1)
         self.emitters = light.emitters
         shape = (len(self.emitters), len(points))
-        self.sums = np.zeros((*shape, STREAMS))
-        self.taken = np.zeros(shape, dtype=np.int64)  # by each stream
-        self.open = np.zeros(shape)  # unoccluded irradiance
+        self.taken = np.zeros((*shape, 1))  # by each stream
+        self.sent, self.arrived, self.tested, self.seen = np.zeros((4, *shape, STREAMS))
+        self.exact = np.full((*shape, 1), np.nan)
         self.excluded: dict[Unsupported, NDArray[np.bool_]] = {}
 
     def readings(self) -> Readings:
         everyone = np.arange(len(self.points))
         for number, emitter in enumerate(self.emitters):
-            if not emitter.light.is_delta and emitter.light.cast_shadow:
-                self.open[number] = self._unoccluded(emitter, everyone)
-            self._take(number, everyone, 1 if emitter.light.is_delta else FIRST_POINTS)
+            exact = emitter.light.irradiance(self.points, self.normals)
+            if exact is not None and not emitter.light.is_delta:
+                self.exact[number, :, 0] = exact
+            self._take(number, everyone)
         rgb = np.array([e.light.rgb * (e.layer >= 0) for e in self.emitters]).reshape(-1, 3)
-        scale = rgb @ self.weights
+        scale = (rgb @ self.meter.weights)[:, None]
         while True:
-            mean, variance = self._estimates(scale)
-            target = np.maximum(np.abs(mean.sum(axis=0)), DARK * np.abs(scale) @ self.open)
-            target = (self.error * target) ** 2
+            mean, unoccluded, variance = self._estimates()
+            lux, variance = scale * mean, scale**2 * variance
+            bright = np.abs(lux.sum(axis=0)), DARK * (np.abs(scale) * unoccluded).sum(axis=0)
+            target = (self.meter.error * np.maximum(*bright)) ** 2
             missed = variance.sum(axis=0) > target
             even = target / np.maximum(np.count_nonzero(variance, axis=0), 1)
-            wanted = missed & (variance > even) & (self.taken < MAX_POINTS)
+            wanted = missed & (variance > even) & (self.taken[..., 0] < MAX_POINTS)
             if not wanted.any():
                 break
             for number in np.flatnonzero(wanted.any(axis=1)):
-                rows = np.flatnonzero(wanted[number])
-                self._take(int(number), rows, max(BATCH // (STREAMS * len(rows)), FIRST_POINTS))
-        layers = np.zeros((len(self.names), len(everyone)))
-        known = [k for k, e in enumerate(self.emitters) if e.layer >= 0]
-        np.add.at(layers, [self.emitters[k].layer for k in known], mean[known])
-        irradiance = (self.sums.mean(axis=2) / self.taken).T @ rgb
+                self._double(int(number), np.flatnonzero(wanted[number]))
+        lights = np.zeros((len(everyone), len(self.meter.names)))
+        for emitter, share in zip(self.emitters, lux, strict=True):
+            if emitter.layer >= 0:
+                lights[:, emitter.layer] += share
         error = np.sqrt(variance.sum(axis=0))
-        return Readings(irradiance, layers.T, error, missed, self.excluded)
+        return Readings(mean.T @ rgb, lights, error, missed, self.excluded)
 
-    def _estimates(self, scale: Floats) -> tuple[Floats, Floats]:
-        """Return illuminances and their variances, each (emitters, m), [lx] and [lx²]."""
-        means = self.sums / self.taken[..., None]
-        spread = means.var(axis=2, ddof=1) / STREAMS
-        unseen = self.open / (STREAMS * self.taken + 2.0)
-        variance = STUDENT_15**2 * spread + (unseen if self._shadows else 0.0) ** 2
-        return means.mean(axis=2) * scale[:, None], variance * scale[:, None] ** 2
+    def _estimates(self) -> tuple[Floats, Floats, Floats]:
+        """Return what arrives, what would if nothing hid it, and the variance of the first.
 
-    @property
-    def _shadows(self) -> bool:
-        return self.light.visibility.opaque.count > 0
+        Each is (emitters, m), over the lights' `rgb`.
+        """
+        known = np.isfinite(self.exact)
+        sent, arrived = self.sent / self.taken, self.arrived / self.taken
+        tested, seen = (n.sum(axis=2, keepdims=True) - n for n in (self.tested, self.seen))
+        share = np.divide(seen, tested, out=np.zeros_like(seen), where=tested > 0.0)
+        arrived += np.where(known, share * (self.exact - sent), 0.0)
+        unoccluded = np.where(known, self.exact, sent).mean(axis=2)
+        variance = STUDENT_15**2 * arrived.var(axis=2, ddof=1) / STREAMS
+        if self.light.visibility.opaque.count:
+            sampled = [not e.light.is_delta and e.light.cast_shadow for e in self.emitters]
+            unseen = unoccluded / (STREAMS * self.taken[..., 0] + 2.0)
+            variance += np.array(sampled, dtype=bool)[:, None] * unseen**2
+        return arrived.mean(axis=2), unoccluded, variance
 
-    def _unoccluded(self, emitter: Emitter, rows: Ints) -> Floats:
-        """Return what would arrive (m,) if nothing were in the way, over the light's `rgb`."""
-        exact = emitter.light.irradiance(self.points, self.normals)
-        if exact is not None and np.isfinite(exact).all():
-            return exact
-        normals = np.repeat(self.normals, FIRST_POINTS, axis=0)
-        uniform = self._uniform(rows, np.zeros_like(rows), 1, FIRST_POINTS)
-        points = np.repeat(self.points, FIRST_POINTS, axis=0)
-        sample = emitter.light.sample(points, normals, uniform.pair(0))
-        value = sample.weight * np.maximum(dot(normals, sample.wi), 0.0)
-        return value.reshape(-1, FIRST_POINTS).mean(axis=1)
+    def _double(self, number: int, rows: Ints) -> None:
+        """Take as many samples again: the more often one looks, the sooner chance ends it."""
+        enough = np.minimum(2.0 * self.taken[number, rows].max(), MAX_POINTS)
+        while self.taken[number, rows].min() < enough:
+            self._take(number, rows)
 
-    def _uniform(self, rows: Ints, taken: Ints, streams: int, points: int) -> Points:
-        """Return random points, (meter, stream, point) in this order."""
-        meter, stream, index = np.broadcast_arrays(
-            (self.first + rows)[:, None, None],
-            np.arange(streams)[:, None],
-            taken[:, None, None] + np.arange(points),
-        )
-        return Points(meter.ravel(), stream.ravel(), index.ravel(), 0)
-
-    def _take(self, number: int, rows: Ints, points: int) -> None:
-        """Add `points` samples of each stream of an emitter to the meters `rows`."""
-        emitter = self.emitters[number]
-        taken = self.taken[number, rows]
-        points = min(points, MAX_POINTS - int(taken.max()))
-        streams = 1 if emitter.light.is_delta else STREAMS
-        uniform = self._uniform(rows, taken, streams, points)
+    def _take(self, number: int, rows: Ints) -> None:
+        """Add a batch of samples of an emitter to the meters `rows`; of a delta light one each."""
+        emitter, taken = self.emitters[number], self.taken[number, rows]
+        points = max(BATCH // (STREAMS * len(rows)), FIRST_POINTS)
+        shape = (len(rows), STREAMS, min(points, MAX_POINTS - int(taken.max())))
+        if emitter.light.is_delta:
+            shape = (len(rows), 1, 1)
+        place = (self.first + rows)[:, None, None], np.arange(shape[1])[:, None]
+        index = taken[..., None] + np.arange(shape[2])
+        uniform = Points(*(np.broadcast_to(x, shape).ravel() for x in (*place, index)), 0)
+        u = uniform.pair(number)
+        surface = self._surface(np.repeat(rows, shape[1] * shape[2]))
+        sample = emitter.light.sample(surface.point, surface.normal, u)
+        sent = np.maximum(sample.weight * dot(surface.normal, sample.wi), 0.0)
+        arrived = np.zeros(len(sent))
         one = copy.copy(self.light)
         one.emitters = [emitter]
-        each = streams * points
-        group = np.repeat(np.arange(len(rows) * streams), points)
-        surface = self._surface(np.repeat(rows, each))
-        for arrival in one.arrivals(surface, group, lambda _: uniform.pair(number)):
-            sums = arrival.irradiance.reshape(len(rows), streams, points).sum(axis=2)
-            self.sums[number, rows] += sums
+        for arrival in one.arrivals(surface, lambda *_: np.zeros(len(sent)), lambda _: u):
+            arrived += arrival.irradiance
             for exclusion in arrival.exclusions:
                 mask = self.excluded.setdefault(exclusion.cause, np.zeros(len(self.points), bool))
-                mask[rows[exclusion.rows // each]] = True
-        self.taken[number, rows] += points
+                mask[rows[exclusion.rows // (shape[1] * shape[2])]] = True
+        for sums, values in (
+            (self.sent, sent), (self.tested, sent > 0.0),
+            (self.arrived, arrived), (self.seen, arrived > 0.0),
+        ):
+            sums[number, rows] += values.reshape(shape).sum(axis=2)
+        self.taken[number, rows] += shape[2]
 
     def _surface(self, rows: Ints) -> Surface:
         n, normal = len(rows), self.normals[rows]

@@ -255,9 +255,7 @@ class _Run:
         if layer >= 0 and self.settings.per_light:
             self.sums.shown[layer, batch.rows] += total
 
-    def _reflected(
-        self, batch: Batch, surface: Surface, share: Share, uniform: Points
-    ) -> Floats:
+    def _reflected(self, batch: Batch, surface: Surface, share: Share, uniform: Points) -> Floats:
         """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
         sums, rows = self.sums, batch.rows
         brdf = (self.albedo / np.pi).take(surface.material, axis=0)
@@ -290,9 +288,7 @@ class _Run:
         row, column = np.divmod(pixel, width)
         return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]], axis=-1)
 
-    def _background(
-        self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats
-    ) -> Floats:
+    def _background(self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats) -> Floats:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""
         world, transparent = self.scene.world, self.scene.film_transparent
         alpha = met.astype(float) if transparent else np.ones(batch.count)
