@@ -6,6 +6,7 @@ from __future__ import annotations
 import atexit
 import ctypes
 import os
+from typing import Any
 
 from .interrupt import interrupt_later
 from .quiet import quiet_stdout, silence_exit
@@ -21,7 +22,7 @@ def _leave() -> None:
     something kept the module alive to the end, and glibc waits for that thread.
     """
     silence_exit()
-    libc = ctypes.CDLL(None) if os.name == "posix" else None
+    libc: Any = ctypes.CDLL(None) if os.name == "posix" else None
     if hasattr(libc, "on_exit"):  # glibc alone: handlers (status, argument), the last one first
         libc.on_exit(libc._exit, None)
 

@@ -29,21 +29,15 @@ def open_scene(
     need_camera: bool = False,
     load_ui: bool = False,
 ) -> Any:
-    """Open a .blend, or import a .glb or .gltf into an empty file, and return its scene.
+    """Open a .blend, or import a .glb or .gltf into an empty file, and return its bpy.types.Scene.
 
     Scripts in the file do not run. The view layer chosen becomes the only one that renders.
 
     Parameters
     ----------
-    path : the file.
-    frame : frame to go to; None keeps the file's.
-    camera, scene, view_layer : names; None keeps the file's choice.
+    frame, camera, scene, view_layer : None keeps the file's.
     need_camera : whether a scene without an active camera is an error.
     load_ui : whether to keep the file's own windows, for a copy to be saved.
-
-    Returns
-    -------
-    bpy.types.Scene
 
     Raises
     ------
@@ -55,9 +49,8 @@ def open_scene(
         what = "a folder" if file.is_dir() else "no such file"
         raise RadError(what, str(file), "expected a .blend, .glb or .gltf file")
     if frame is not None and not FRAMES[0] <= frame <= FRAMES[1]:
-        raise RadError(
-            f"frame {frame} out of range", str(file), "expected {} to {}".format(*FRAMES)
-        )
+        expected = "expected {} to {}".format(*FRAMES)
+        raise RadError(f"frame {frame} out of range", str(file), expected)
     _load(file, load_ui)
     context: Any = bpy.context
     bl_scene = _choose("scene", scene, bpy.data.scenes, str(file)) or context.scene
@@ -67,7 +60,7 @@ def open_scene(
         with quiet_stdout():
             bl_scene.frame_set(frame)
     if need_camera and bl_scene.camera is None:
-        cameras = sorted(o.name for o in bl_scene.objects if o.type == "CAMERA")
+        cameras = sorted(bl_object.name for bl_object in _cameras(bl_scene))
         known = f"name one of: {', '.join(cameras)}" if cameras else "add a camera to it"
         raise RadError("no active camera", f"scene {bl_scene.name!r} of {file}", known)
     return bl_scene
@@ -75,16 +68,14 @@ def open_scene(
 
 def _load(file: Path, load_ui: bool) -> None:
     """Load `file` into this Blender; Blender's own message becomes the error."""
-    imported = file.suffix.lower() in GLTF
+    imported, path = file.suffix.lower() in GLTF, str(file.resolve())
     try:
         with interrupt_later(), quiet_stdout(errors=True):
             if imported:
                 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-                bpy.ops.import_scene.gltf(filepath=str(file.resolve()))
+                bpy.ops.import_scene.gltf(filepath=path)
             else:
-                bpy.ops.wm.open_mainfile(
-                    filepath=str(file.resolve()), load_ui=load_ui, use_scripts=False
-                )
+                bpy.ops.wm.open_mainfile(filepath=path, load_ui=load_ui, use_scripts=False)
     except RuntimeError as error:
         kind = "a glTF 2.0 file" if imported else "a .blend file that Blender can read"
         said = " ".join(str(error).split()).removeprefix("Error: ")
@@ -97,9 +88,10 @@ def _load(file: Path, load_ui: bool) -> None:
 def _choose(kind: str, name: str | None, known: Any, where: str) -> Any | None:
     if name is None:
         return None
-    if name not in known:
-        raise unknown_name(kind, name, where, [item.name for item in known])
-    return known[name]
+    named = {item.name: item for item in known}
+    if name not in named:
+        raise unknown_name(kind, name, where, list(named))
+    return named[name]
 
 
 def _choose_view_layer(bl_scene: Any, name: str | None, where: str) -> None:
@@ -110,52 +102,46 @@ def _choose_view_layer(bl_scene: Any, name: str | None, where: str) -> None:
 
 def _choose_camera(bl_scene: Any, name: str | None, where: str) -> None:
     """Make a camera the active one, also where markers would switch to another."""
-    cameras = {o.name: o for o in bl_scene.objects if o.type == "CAMERA"}
-    if name is None:
-        return
-    if name not in cameras:
-        raise unknown_name("camera", name, where, list(cameras))
-    bl_scene.camera = cameras[name]
-    for marker in bl_scene.timeline_markers:
-        marker.camera = None
+    if chosen := _choose("camera", name, _cameras(bl_scene), where):
+        bl_scene.camera = chosen
+        for marker in bl_scene.timeline_markers:
+            marker.camera = None
+
+
+def _cameras(bl_scene: Any) -> list[Any]:
+    return [bl_object for bl_object in bl_scene.objects if bl_object.type == "CAMERA"]
 
 
 def file_findings() -> list[Finding]:
     """Return what the open file misses or keeps from running."""
-    return [*_blocked_drivers(), *_missing_libraries(), *_missing_images()]
+    found = {
+        "blocked-driver": _blocked_drivers(),
+        "missing-library": _missing_libraries(),
+        "missing-image": _missing_images(),
+    }
+    return [Finding(code, "warning", *said) for code, each in found.items() for said in each]
 
 
-def _blocked_drivers() -> Iterator[Finding]:
+def _blocked_drivers() -> Iterator[tuple[str, str]]:
     for block in bpy.data.user_map():
         trees = (block, getattr(block, "node_tree", None))
         for animation in filter(None, (getattr(tree, "animation_data", None) for tree in trees)):
             for curve in animation.drivers:
                 if curve.driver.type == "SCRIPTED" and not curve.driver.is_valid:
-                    yield Finding(
-                        "blocked-driver",
-                        "warning",
-                        block.name,
-                        f"the driver of {curve.data_path} cannot run without scripts or fails; "
-                        "its value may be 0",
-                    )
+                    why = "cannot run without scripts or fails; its value may be 0"
+                    yield block.name, f"the driver of {curve.data_path} {why}"
 
 
-def _missing_libraries() -> Iterator[Finding]:
+def _missing_libraries() -> Iterator[tuple[str, str]]:
     for library in bpy.data.libraries:
         if not Path(bpy.path.abspath(library.filepath)).is_file():
-            yield Finding(
-                "missing-library", "warning", library.name, f"{library.filepath} does not exist"
-            )
+            yield library.name, f"{library.filepath} does not exist"
 
 
-def _missing_images() -> Iterator[Finding]:
+def _missing_images() -> Iterator[tuple[str, str]]:
     for image in bpy.data.images:
         if image.source != "FILE" or image.packed_file or not image.users or not image.filepath:
             continue
         if not Path(bpy.path.abspath(image.filepath, library=image.library)).is_file():
-            yield Finding(
-                "missing-image",
-                "warning",
-                image.name,
-                f"{image.filepath} does not exist; surfaces with it look as in Cycles (pink)",
-            )
+            pink = "surfaces with it look as in Cycles (pink)"
+            yield image.name, f"{image.filepath} does not exist; {pink}"

@@ -7,6 +7,7 @@ import re
 import tempfile
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,13 +30,10 @@ _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 _ALWAYS: dict[str, Any] = {
     "render.engine": "CYCLES",
     "render.use_persistent_data": True,  # see `CyclesWitness.render`
-    "render.use_compositing": False,
-    "render.use_sequencer": False,
-    "render.use_motion_blur": False,
-    "render.use_multiview": False,
-    "render.use_freestyle": False,
-    "render.use_stamp": False,
-    "render.use_crop_to_border": False,
+    **dict.fromkeys((f"render.use_{name}" for name in (
+        "compositing", "sequencer", "motion_blur", "multiview", "freestyle", "stamp",
+        "crop_to_border",
+    )), False),
     "render.image_settings.media_type": "IMAGE",  # from Blender 5
     "render.image_settings.file_format": "OPEN_EXR",
     "render.image_settings.color_mode": "RGBA",
@@ -53,39 +51,34 @@ _ALWAYS: dict[str, Any] = {
 # What makes it direct light without bias. The box filter is one pixel wide whatever its setting;
 # the file's transparent bounces and light tree stay: neither biases direct light. Blue noise: the
 # classic pattern draws from 256 fixed tables, an error that all seeds share (at 64 samples a pixel
-# and 8 seeds z² of a frame was 3.1 where 1.4 is due; blue noise kept to it).
+# and 8 seeds z² of a frame was 3.1 where 1.4 is due; blue noise kept to it). Pixel jitter is from
+# Blender 5.
 _REFERENCE: dict[str, Any] = {
-    "cycles.max_bounces": 0,
-    "cycles.diffuse_bounces": 0,
-    "cycles.glossy_bounces": 0,
-    "cycles.transmission_bounces": 0,
-    "cycles.volume_bounces": 0,
-    "cycles.use_fast_gi": False,
-    "cycles.sample_clamp_direct": 0.0,
-    "cycles.sample_clamp_indirect": 0.0,
-    "cycles.use_denoising": False,
-    "cycles.use_adaptive_sampling": False,
-    "cycles.use_guiding": False,
+    **dict.fromkeys((f"cycles.{kind}_bounces" for kind in (
+        "max", "diffuse", "glossy", "transmission", "volume",
+    )), 0),
+    **dict.fromkeys((f"cycles.{name}" for name in (
+        "use_fast_gi", "use_denoising", "use_adaptive_sampling", "use_guiding", "use_pixel_jitter",
+        "auto_scrambling_distance", "use_camera_cull", "use_distance_cull",
+    )), False),
+    **dict.fromkeys((f"cycles.{name}" for name in (
+        "sample_clamp_direct", "sample_clamp_indirect", "light_sampling_threshold", "time_limit",
+    )), 0.0),
     "cycles.film_exposure": 1.0,
     "cycles.pixel_filter_type": "BOX",
-    "cycles.use_pixel_jitter": False,  # from Blender 5
     "cycles.sampling_pattern": "BLUE_NOISE",
-    "cycles.auto_scrambling_distance": False,
     "cycles.scrambling_distance": 1.0,
-    "cycles.light_sampling_threshold": 0.0,
-    "cycles.time_limit": 0.0,
-    "cycles.use_camera_cull": False,
-    "cycles.use_distance_cull": False,
     "cycles.texture_limit_render": "OFF",
 }
 
 
+@dataclass
 class CyclesWitness:
     """Cycles' picture of the scene that is open, seed by seed.
 
     The open scene is the scratch copy: it is changed and never saved.
 
-    Parameters
+    Attributes
     ----------
     bl_scene : bpy.types.Scene, opened without scripts. Its first view layer in use renders.
     resolution : (width, height) in pixels; None keeps the file's.
@@ -93,62 +86,50 @@ class CyclesWitness:
     settings : ``reference`` for unbiased direct light, ``file`` to keep the file's sampling,
         bounces, clamps, denoiser, filter and film.
     threads : number of threads; None leaves it to Blender.
-
-    Attributes
-    ----------
     overridden : setting to (the file's value, the value used), for the report.
     kept : setting to (the file's value, the unbiased one), where the file's own are asked for.
     """
 
-    def __init__(
-        self,
-        bl_scene: Any,
-        *,
-        resolution: tuple[int, int] | None = None,
-        shading: Shading = "full",
-        settings: WitnessSettings = "reference",
-        threads: int | None = None,
-    ) -> None:
-        self._bl_scene = bl_scene
-        self._resolution, self._shading = resolution, shading
-        self._settings, self._threads = settings, threads
-        self.overridden: dict[str, tuple[Any, Any]] = {}
-        self.kept: dict[str, tuple[Any, Any]] = {}
+    bl_scene: Any
+    _: KW_ONLY
+    resolution: tuple[int, int] | None = None
+    shading: Shading = "full"
+    settings: WitnessSettings = "reference"
+    threads: int | None = None
+    overridden: dict[str, tuple[Any, Any]] = field(default_factory=dict)
+    kept: dict[str, tuple[Any, Any]] = field(default_factory=dict)
 
     def prepare(self) -> None:
         """Make all settings explicit, and the materials clay where that is asked for."""
         wanted = dict(_ALWAYS)
-        if self._settings == "reference":
+        if self.settings == "reference":
             wanted |= _REFERENCE
         else:
             self.kept = dict(self._differing(_REFERENCE))
-        if self._resolution is not None:
-            width, height = self._resolution
-            wanted |= {"render.resolution_x": width, "render.resolution_y": height}
-            wanted |= {"render.resolution_percentage": 100}
-        if self._threads is not None:
-            wanted |= {"render.threads_mode": "FIXED", "render.threads": self._threads}
+        if self.resolution is not None:
+            width, height = self.resolution
+            size = {"x": width, "y": height, "percentage": 100}
+            wanted |= {f"render.resolution_{name}": value for name, value in size.items()}
+        if self.threads is not None:
+            wanted |= {"render.threads_mode": "FIXED", "render.threads": self.threads}
         for setting, (before, value) in self._differing(wanted):
             path, name = setting.rsplit(".", 1)
-            setattr(self._bl_scene.path_resolve(path), name, value)
+            setattr(self.bl_scene.path_resolve(path), name, value)
             self.overridden[setting] = (before, value)
         self._only_one_layer()
-        if self._shading == "clay":
+        if self.shading == "clay":
             make_clay()
 
     def _differing(self, wanted: Mapping[str, Any]) -> Iterator[tuple[str, tuple[Any, Any]]]:
-        """Yield the dotted names of settings that are not as wanted, each with both values.
-
-        Those that this Blender does not have are left out.
-        """
+        """Yield settings of this Blender that are not as wanted, each with both values."""
         for setting, value in wanted.items():
             path, name = setting.rsplit(".", 1)
-            owner = self._bl_scene.path_resolve(path)
+            owner = self.bl_scene.path_resolve(path)
             if name in owner.bl_rna.properties and getattr(owner, name) != value:
                 yield setting, (getattr(owner, name), value)
 
     def _only_one_layer(self) -> None:
-        layers = self._bl_scene.view_layers
+        layers = self.bl_scene.view_layers
         shown = next((layer for layer in layers if layer.use), layers[0])
         for layer in layers:
             if layer.use != (layer == shown):
@@ -160,22 +141,18 @@ class CyclesWitness:
     ) -> NDArray[np.float32]:
         """Return one picture, (h, w, 4) radiance [W/(m² sr)] and alpha, row 0 at the top.
 
-        Model: persistent data keeps geometry and BVH from one seed to the next; the scene is
-        tagged, since Cycles would otherwise repeat the seed before.
-
-        Parameters
-        ----------
-        seed : of this picture; pictures of different seeds are independent.
-        samples : a pixel.
-        progress : called with the fraction done, from a thread of Blender's.
+        Pictures of different seeds are independent; `samples` are a pixel's. Persistent data keeps
+        geometry and BVH from one seed to the next; the scene is tagged, since Cycles would
+        otherwise repeat the seed before. `progress` is called with the fraction done, from a
+        thread of Blender's.
 
         Raises
         ------
         KeyboardInterrupt
             After the picture in work: Cycles cannot be stopped from outside in the background.
         """
-        self._bl_scene.cycles.seed, self._bl_scene.cycles.samples = seed, samples
-        self._bl_scene.update_tag()
+        self.bl_scene.cycles.seed, self.bl_scene.cycles.samples = seed, samples
+        self.bl_scene.update_tag()
         with tempfile.TemporaryDirectory() as folder, interrupt_later(), _progress(progress):
             file = Path(folder) / "witness.exr"
             with quiet_stdout():
@@ -184,13 +161,13 @@ class CyclesWitness:
 
     def _render_to(self, file: Path) -> None:
         try:
-            bpy.ops.render.render(scene=self._bl_scene.name)
+            bpy.ops.render.render(scene=self.bl_scene.name)
         except RuntimeError as error:
             said = " ".join(str(error).split()).removeprefix("Error: ")
-            where = f"scene {self._bl_scene.name!r}"
+            where = f"scene {self.bl_scene.name!r}"
             raise RadError("Cycles cannot render", where, f"it says: {said}") from error
         result = next(i for i in bpy.data.images if i.type == 'RENDER_RESULT')
-        result.save_render(str(file), scene=self._bl_scene)
+        result.save_render(str(file), scene=self.bl_scene)
 
 
 def _read(file: Path) -> NDArray[np.float32]:
