@@ -26,8 +26,8 @@ NOTES = {
     "area-sheared": "its axes are not at right angles (a parent scaled unevenly): Cycles takes a"
     " wrong area, so that its light is not what its power says",
     "ies-unreadable": "Cycles cannot read its IES file, and takes 100 for it in every direction",
-    "ies-seam": "Blender before 5 makes axially symmetric IES light 8.3 % too strong on the whole, and"
-    " 12.5 % opposite its seam",
+    "ies-seam": "Cycles before Blender 5 makes axially symmetric IES light 8.3 % too strong, and as"
+    " much as 12.5 % opposite its seam",
     "ies-mirrored": "IES planes turn against the clock, seen from above; Cycles turns them with it,"
     " so that its light is mirrored",
 }

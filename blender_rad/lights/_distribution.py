@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..photometry.distribution import directions
 from ._base import Array
 from ._geometry import Mask
 
 GRAZING = 1e-6  # cosine; nothing is left of a face that is seen so
-FINEST = np.radians(1.0)  # the widest cell of the quadrature
+FINEST = np.radians(2.0)  # the widest cell of the quadrature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,16 +63,14 @@ class Distribution:
     def quadrature(self) -> tuple[Array, Array]:
         """Return unit world directions (k, 3) and their solid angles (k,) over the whole table.
 
-        Two Gauss points each way in cells of at most 1° that end at the table's knots; a frame F
+        Two Gauss points each way in cells of at most 2° that end at the table's knots; a frame F
         that stretches has dω = |det F⁻¹|/|F⁻¹l|³ dl.
         """
         u, du = _gauss(self.longitude)
         v, dv = _gauss(self.latitude)
-        ring = np.stack([np.cos(u), np.sin(u), np.zeros_like(u)], axis=1)
-        local = np.cos(v)[:, None, None] * ring + np.sin(v)[:, None, None] * [0.0, 0.0, 1.0]
-        world = local.reshape(-1, 3) @ np.linalg.inv(self.frame).T
+        world = directions(u, v).reshape(-1, 3) @ np.linalg.inv(self.frame).T
         length = np.sqrt(np.sum(world**2, axis=1))
-        solid = ((np.cos(v) * dv)[:, None] * du).ravel() / abs(np.linalg.det(self.frame))
+        solid = np.outer(du, np.cos(v) * dv).ravel() / abs(np.linalg.det(self.frame))
         return world / length[:, None], solid / length**3
 
     def flux_and_peak(self, intensity: Callable[[Array], Array]) -> tuple[float, float]:
@@ -101,7 +100,7 @@ def _cells(knots: Array, at: Array, cubic: bool) -> tuple[NDArray[np.intp], list
 
 
 def _gauss(knots: Array) -> tuple[Array, Array]:
-    """Return two Gauss nodes and weights for each part of at most 1° between the knots."""
+    """Return two Gauss nodes and weights for each part of at most 2° between the knots."""
     edges = np.unique(knots)
     parts = np.maximum(np.ceil(np.diff(edges) / FINEST), 1).astype(int)
     width = np.repeat(np.diff(edges) / parts, parts)

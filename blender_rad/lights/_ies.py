@@ -23,10 +23,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from ..photometry import parse_photometry
+from ..photometry import MADE_FOR_BLENDER, parse_photometry
+from ..photometry.distribution import directions
 from ._base import Array, LightRecord, Model
 from ._distribution import Distribution
 
@@ -34,6 +36,8 @@ PHOTOPIC = 683.002  # lm/W
 FROM_CANDELA = 4.0 * np.pi / 177.83
 UNREADABLE = 100.0
 CLOSE_DEG = 1e-4
+EVEN_SINCE = (5, 0, 0)  # Blender interpolates over a table's edges
+UNLIKE = 0.02  # of the light, that goes elsewhere in a mirror
 # Longitude 0, longitude 90° and pole of each type's own grid, as Cycles turns it.
 AXES = {"A": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], "B": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}
 AXES["C"] = [[0, -1, 0], [-1, 0, 0], [0, 0, 1]]
@@ -45,13 +49,35 @@ class UnreadableError(ValueError):
     """Cycles cannot read the text."""
 
 
-def ies_distribution(
-    record: LightRecord, model: Model, facing: Array | None = None
-) -> Distribution | None:
-    """Return what the record's IES text does to its light, None without one.
+def ies_fields(record: LightRecord, model: Model, facing: Array | None = None) -> dict[str, Any]:
+    """Return what the record's IES text makes of its light: `distribution` and `notes`.
 
     `facing` (3,) is the normal of an emitter that is flat.
     """
+    light = ies_distribution(record, model, facing)
+    notes: list[str] = []
+    if light is not None and model == "cycles":
+        axial = len(light.longitude) == 2
+        notes += ["ies-unreadable"] * (not light.cubic)
+        notes += ["ies-seam"] * (light.cubic and axial and record.blender_version < EVEN_SINCE)
+        for_blender = MADE_FOR_BLENDER.encode() in record.properties["ies_text"]
+        notes += ["ies-mirrored"] * (not for_blender and _handed(light))
+    return {"distribution": light, "notes": tuple(notes)}
+
+
+def _handed(light: Distribution) -> bool:
+    """Return whether no turn about its pole makes a light its mirror image."""
+    around, up = np.radians(np.arange(0, 360, 5)), np.radians(np.arange(-87.5, 90, 5))
+    local = directions(around, up).reshape(-1, 3)
+    table = light.factor(local @ np.linalg.inv(light.frame).T).reshape(len(around), -1)
+    misfits = [np.abs(np.roll(table[::-1], k, axis=0) - table).sum() for k in range(len(around))]
+    return bool(min(misfits) > UNLIKE * table.sum())
+
+
+def ies_distribution(
+    record: LightRecord, model: Model, facing: Array | None = None
+) -> Distribution | None:
+    """Return what the record's IES text does to its light, None without one; see `ies_fields`."""
     text = record.properties.get("ies_text")
     if text is None:
         return None
@@ -88,7 +114,7 @@ def _edged(azimuth: Array, vertical: Array, table: Array, version: tuple[int, ..
     """Return `table` with the rows that the cubic takes beyond its edges."""
     if min(table.shape) < 2:
         return np.zeros(np.add(table.shape, 2))
-    inner, tiny = float(version[0] >= 5), np.float32(1e-7)
+    inner, tiny = float(version >= EVEN_SINCE), np.float32(1e-7)
     round_v = vertical[-1] > np.float32(np.pi) - tiny
     round_h = azimuth[0] < tiny and azimuth[-1] > np.float32(2.0 * np.pi) - tiny
     low = table[:, 1] if vertical[0] < tiny else inner * table[:, 0]

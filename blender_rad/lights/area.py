@@ -46,7 +46,7 @@ from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample, Model
 from ._emission import casts_shadow, stated_emission
 from ._geometry import Mask
-from ._ies import ies_distribution
+from ._ies import ies_fields
 
 FULL_SPREAD = np.pi - 1e-6  # π in single precision counts as π
 SERIES_BELOW = 0.05  # [rad] where Cycles takes tan h - h as h³/3
@@ -301,12 +301,13 @@ class AreaLight(Light):
                 return None
             direction = normal * (np.sign(normal @ direction) / flat)
         normalize = bool(properties.get("normalize", True))
+        ies = ies_fields(record, model, direction)
         light = cls(
             name=record.name,
             rgb=rgb / record.unit_scale_m**2 if model == "physical" and normalize else rgb,
             cast_shadow=casts_shadow(record),
             visible_camera=record.visible_camera,
-            notes=(SHEARED,) if sheared else (),
+            notes=(SHEARED,) * bool(sheared) + ies["notes"],
             center=matrix[:3, 3],
             axis_u=u,
             axis_v=v,
@@ -315,7 +316,7 @@ class AreaLight(Light):
             spread=float(properties.get("spread", np.pi)),
             series=model == "cycles",
             as_cycles=sheared and model == "cycles",
-            distribution=ies_distribution(record, model, direction),
+            distribution=ies["distribution"],
         )
         return light if normalize else replace(light, rgb=rgb * light.area)
 

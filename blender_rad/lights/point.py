@@ -33,7 +33,7 @@ from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample, Model
 from ._emission import casts_shadow, stated_emission
 from ._geometry import Mask
-from ._ies import ies_distribution
+from ._ies import ies_fields
 
 
 @LIGHTS.register("POINT")
@@ -189,5 +189,5 @@ def common_fields(record: LightRecord, model: Model) -> dict[str, Any] | None:
         "position": np.array(record.world_from_light[:3, 3], dtype=np.float64),
         "radius": radius,
         "soft_falloff": bool(properties.get("use_soft_falloff", True)) and model == "cycles",
-        "distribution": ies_distribution(record, model),
+        **ies_fields(record, model),
     }

@@ -149,9 +149,8 @@ class Distribution:
 
     def cut(self, c_deg: float, gamma: Array) -> Array:
         """Return the intensity [cd] in the plane C at `gamma` (n,) [deg], negative for C + 180."""
-        c, g = np.radians(c_deg), np.radians(gamma)
-        x, y, z = np.sin(g) * np.cos(c), np.sin(g) * np.sin(c), -np.cos(g)
-        return self.luminous_intensity(np.stack([x, y, z], axis=-1))
+        plane = directions(np.radians([c_deg]), np.radians(gamma - 90.0))[0]
+        return self.luminous_intensity(plane)
 
     def beam_angle_deg(self, c_deg: float, fraction: float = 0.5) -> float | None:
         """Return the full angle [deg] in the plane C where the intensity falls to `fraction`.
@@ -183,6 +182,13 @@ def _edge(t: Array, profile: Array, lit: NDArray[np.bool_], side: int, fraction:
         return 180.0
     inner, outer, level = profile[last], profile[last + 1], fraction * profile.max()
     return float(t[last] + (t[last + 1] - t[last]) * (inner - level) / (inner - outer))
+
+
+def directions(longitude: Array, latitude: Array) -> Array:
+    """Return unit vectors (m, n, 3) on the axes of a grid of m by n angles [rad]."""
+    u, v = longitude[:, None], latitude[None, :]
+    x, y = np.cos(v) * np.cos(u), np.cos(v) * np.sin(u)
+    return np.stack([x, y, np.sin(v) + np.zeros_like(u)], axis=-1)
 
 
 def cells(knots: Array, values: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from .distribution import Distribution, cells
+from .distribution import Distribution, cells, directions
 from .text import Array
 
 # An opening's signs by its shape; all others are boxes, which their zeros tell apart.
 SIGNS = {"circular": (-1, -1, 1), "vertical cylinder": (-1, -1, 1), "sphere": (-1, -1, -1)}
 STEPS_DEG = (1.0, 2.0)  # least and greatest, of types A and B that are turned into type C
 PER_LINE = 10
+MADE_FOR_BLENDER = "planes turned for Blender's IES Texture"
 
 
 def as_ies(light: Distribution, *, blender: bool = False) -> str:
@@ -44,7 +45,7 @@ def as_ies(light: Distribution, *, blender: bool = False) -> str:
     rows += ["[OTHER] radiometric units, mW/sr"] * light.radiometric
     if light.declared_flux is not None and light.lamp_flux is None:
         rows.append(f"[_ABSOLUTELUMENS] {light.declared_flux * unit:.10g}")
-    rows += ["[OTHER] planes turned for Blender"] * blender
+    rows += [f"[OTHER] {MADE_FOR_BLENDER}"] * blender
     rows += ["TILT=NONE", f"{lamps} 1 {counts} {'CBA'.index(kind) + 1} 2 {_line(size)}"]
     rows.append(f"1 1 {light.input_power or 0.0!r}")
     for values in (vertical, longitude, *(unit * table)):
@@ -77,7 +78,5 @@ def _sampled(light: Distribution) -> tuple[Array, Array, Array]:
     finest = min(np.diff(light.longitude).min(), np.diff(light.latitude).min())
     step = 90.0 / np.ceil(90.0 / np.clip(finest, *STEPS_DEG))
     planes, latitude = np.arange(0.0, 360.0 + step / 2, step), np.arange(-90.0, 90.1, step)
-    c, phi = np.radians(planes)[:, None], np.radians(latitude)
-    parts = np.cos(phi) * np.cos(c), np.cos(phi) * np.sin(c), np.sin(phi) + 0.0 * c
-    directions: Array = np.stack(parts, axis=-1).reshape(-1, 3)
-    return planes, latitude, light.luminous_intensity(directions).reshape(len(planes), -1)
+    sphere = directions(np.radians(planes), np.radians(latitude)).reshape(-1, 3)
+    return planes, latitude, light.luminous_intensity(sphere).reshape(len(planes), -1)
