@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +63,6 @@ def read_camera(bl_object: Any, render: Any, resolution: tuple[int, int]) -> Cam
         record = Unsupported("camera", name, f"{bl_object.type.title()} as camera")
         return Camera(name, "perspective", world, (-1, 1, -1, 1), (0.1, 100.0), (record,))
     camera = bl_object.data
-    kind: Literal["perspective", "orthographic"]
     kind = "orthographic" if camera.type == "ORTHO" else "perspective"
     plane = view_plane(
         (resolution[0] * render.pixel_aspect_x, resolution[1] * render.pixel_aspect_y),

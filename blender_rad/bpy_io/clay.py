@@ -48,24 +48,17 @@ def _rebuild(bl_material: Any, clay: Material) -> None:
 
 def _shade(tree: Any, surface: Any, clay: Material) -> None:
     """Link Lambert reflection and emission, as far as `clay` has them, to `surface`."""
-    closures: list[Any] = []
-    if any(clay.albedo):
-        diffuse = tree.nodes.new('ShaderNodeBsdfDiffuse')
-        diffuse.inputs["Color"].default_value = (*clay.albedo, 1.0)
-        diffuse.inputs["Roughness"].default_value = 0.0
-        closures.append(diffuse)
-    if clay.emits:
-        emission = tree.nodes.new('ShaderNodeEmission')
-        emission.inputs["Color"].default_value = (*clay.emission, 1.0)
-        emission.inputs["Strength"].default_value = 1.0
-        closures.append(emission)
-    while len(closures) > 1:
-        add = tree.nodes.new('ShaderNodeAddShader')
-        tree.links.new(closures.pop().outputs[0], add.inputs[0])
-        tree.links.new(closures.pop().outputs[0], add.inputs[1])
-        closures.append(add)
-    for closure in closures:
-        tree.links.new(closure.outputs[0], surface)
+    add = tree.nodes.new('ShaderNodeAddShader')
+    tree.links.new(add.outputs[0], surface)
+    for kind, rgb, name, value, to in (
+        ('ShaderNodeBsdfDiffuse', clay.albedo, "Roughness", 0.0, add.inputs[0]),
+        ('ShaderNodeEmission', clay.emission, "Strength", 1.0, add.inputs[1]),
+    ):
+        if any(rgb):
+            closure = tree.nodes.new(kind)
+            closure.inputs["Color"].default_value = (*rgb, 1.0)
+            closure.inputs[name].default_value = value
+            tree.links.new(closure.outputs[0], to)
 
 
 def _cover(bl_object: Any, bare: Any) -> None:

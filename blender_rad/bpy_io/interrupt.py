@@ -11,13 +11,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupt_later() -> Generator[None]:
-    """Keep Ctrl-C until the work is done.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After the work, where Ctrl-C was pressed during it.
-    """
+    """Keep Ctrl-C until the work is done; `KeyboardInterrupt` then, where it was pressed."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

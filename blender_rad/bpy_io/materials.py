@@ -119,28 +119,25 @@ def _from_output(bl_material: Any, output: Any) -> Surface:
     volume = list(nodes.leaves(output.inputs["Volume"]))
     bumped = nodes.source(output.inputs["Displacement"]).output is not None
     displaced = bumped and bl_material.displacement_method != "BUMP"
-    lambert = [_lambert(leaf) for leaf in closures]
+    others = [leaf for leaf in closures if leaf.node.bl_idname != "ShaderNodeEmission"]
+    lambert = [(leaf, _lambert(leaf)) for leaf in others]
     glowing = [(leaf, _emission(leaf)) for leaf in closures]
     unknown = [nodes.feature(leaf) for leaf, rgb in glowing if rgb is None]
-    features = [
-        nodes.feature(leaf)
-        for leaf, rgb in zip(closures, lambert, strict=True)
-        if rgb is None and leaf.node.bl_idname != "ShaderNodeEmission"
-    ]
+    features = [nodes.feature(leaf) for leaf, rgb in lambert if rgb is None]
     features += ["Volume"] * bool(volume)
     features += ["Displacement" if displaced else "Bump from displacement"] * bumped
-    passes = any(_passes_shadow(leaf) for leaf in closures)
+    passes = any(map(_passes_shadow, closures))
     return Surface(
         name=bl_material.name,
-        albedo=nodes.total(rgb for rgb in lambert if rgb is not None),
-        emission=nodes.total(rgb for _, rgb in glowing if rgb is not None),
-        reflects=any(leaf.node.bl_idname != "ShaderNodeEmission" for leaf in closures),
+        albedo=nodes.total(rgb for _, rgb in lambert if rgb),
+        emission=nodes.total(rgb for _, rgb in glowing if rgb),
+        reflects=bool(others),
         unknown_emission=f"Emission of {unknown[0]}, not constant" if unknown else "",
         unknown_volume_emission="Volume emission" if any(map(_volume_emits, volume)) else "",
         features=tuple(features),
         passes_shadow=(passes and bl_material.use_transparent_shadow) or bool(volume) or displaced,
-        transmits=passes or bool(volume) or any(_is_glass(leaf) for leaf in closures),
-        subsurface=any(_subsurface(leaf) for leaf in closures),
+        transmits=passes or bool(volume) or any(map(_is_glass, closures)),
+        subsurface=any(map(_subsurface, closures)),
         displaced=displaced,
     )
 
@@ -154,7 +151,7 @@ def _lambert(leaf: Leaf) -> Triple | None:
     tilted = nodes.source(leaf.node.inputs["Normal"], leaf.groups).output is not None
     if rgb is None or rough != 0.0 or tilted:
         return None
-    return (leaf.weight * rgb[0], leaf.weight * rgb[1], leaf.weight * rgb[2])
+    return nodes.scaled(rgb, leaf.weight)
 
 
 def _emission(leaf: Leaf) -> Triple | None:

@@ -45,9 +45,8 @@ def source(socket: Any, groups: Groups = ()) -> Source:
             return Source(socket, None, groups)
         output, node = link.from_socket, link.from_node
         if node.mute:
-            behind = next(
-                (i.from_socket for i in node.internal_links if i.to_socket == output), None
-            )
+            inside = (i.from_socket for i in node.internal_links if i.to_socket == output)
+            behind = next(inside, None)
         elif node.bl_idname == "NodeReroute":
             behind = node.inputs[0]
         elif node.bl_idname == "NodeGroupInput" and groups:
@@ -134,8 +133,7 @@ def leaf_emission(leaf: Leaf, strength: str = "Strength", tint: str = "Color") -
         return BLACK
     if power is None or rgb is None or leaf.weight is None:
         return None
-    scale = leaf.weight * power
-    return (scale * rgb[0], scale * rgb[1], scale * rgb[2])
+    return scaled(rgb, leaf.weight * power)
 
 
 def grey(value: float) -> Triple:
@@ -143,21 +141,21 @@ def grey(value: float) -> Triple:
     return (value, value, value)
 
 
+def scaled(rgb: Triple, factor: float) -> Triple:
+    """Return a colour times a number."""
+    return (factor * rgb[0], factor * rgb[1], factor * rgb[2])
+
+
 def total(parts: Iterable[Triple]) -> Triple:
     """Return the sum of colours."""
-    r, g, b = BLACK
-    for part in parts:
-        r, g, b = r + part[0], g + part[1], b + part[2]
-    return (r, g, b)
+    red, green, blue = zip(BLACK, *parts, strict=True)
+    return (sum(red), sum(green), sum(blue))
 
 
 def uniform_emission(tree: Any, kinds: set[str]) -> tuple[Triple, str | None]:
     """Return the constant emission of a world's or a light's `tree`, and what in it is not.
 
-    Parameters
-    ----------
-    tree : node tree.
-    kinds : closure nodes that emit here; any other closure is named as unsupported.
+    `kinds` are the closure nodes that emit here; any other closure is named as unsupported.
     """
     output = tree.get_output_node("CYCLES")
     if output is None:

@@ -21,13 +21,8 @@ def quiet_stdout(*, errors: bool = False) -> Generator[None]:
     """Send what Blender writes to file descriptor 1 to the debug log while it works.
 
     Blender writes ``Read blend``, ``Fra:1 ...`` and the like past Python's `sys.stdout`, so that
-    the descriptor itself has to be turned away.
-
-    Parameters
-    ----------
-    errors : bool
-        Turn descriptor 2 away as well: Blender's importers say there what their exception says
-        again.
+    the descriptor itself has to be turned away. With `errors` descriptor 2 is as well: Blender's
+    importers say there what their exception says again.
     """
     descriptors = (_STDOUT, _STDERR) if errors else (_STDOUT,)
     _flush()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,28 +23,13 @@ from .session import in_render
 from .world import read_world
 
 
-def read_scene(
-    bl_scene: Any,
-    *,
-    shading: Shading = "full",
-    model: Model = "cycles",
-    resolution: tuple[int, int] | None = None,
-) -> Scene:
+def read_scene(bl_scene: Any, **options: Any) -> Scene:
     """Return the scene as it renders at its current frame, in its first view layer in use.
 
-    Parameters
-    ----------
-    bl_scene : bpy.types.Scene; nothing in it is changed.
-    shading : ``full`` keeps the materials, ``clay`` makes all that reflects Lambert 0.8.
-    model : what the lights' numbers mean.
-    resolution : (width, height) in pixels in place of the scene's own.
+    `bl_scene` is a bpy.types.Scene; nothing in it is changed. `options` are `read_depsgraph`'s.
     """
     layer = next((layer for layer in bl_scene.view_layers if layer.use), bl_scene.view_layers[0])
-
-    def work(depsgraph: Any) -> Scene:
-        return read_depsgraph(depsgraph, shading=shading, model=model, resolution=resolution)
-
-    return in_render(bl_scene, layer.name, work)
+    return in_render(bl_scene, layer.name, partial(read_depsgraph, **options))
 
 
 def read_depsgraph(
@@ -53,7 +39,14 @@ def read_depsgraph(
     model: Model = "cycles",
     resolution: tuple[int, int] | None = None,
 ) -> Scene:
-    """Return the scene of a render depsgraph, such as a render engine is given."""
+    """Return the scene of a render depsgraph, such as a render engine is given.
+
+    Parameters
+    ----------
+    shading : ``full`` keeps the materials, ``clay`` makes all that reflects Lambert 0.8.
+    model : what the lights' numbers mean.
+    resolution : (width, height) in pixels in place of the scene's own.
+    """
     bl_scene = depsgraph.scene
     render = bl_scene.render
     layer = depsgraph.view_layer
@@ -105,11 +98,11 @@ def unit_scale(bl_scene: Any) -> float:
 
 def frame_size(render: Any) -> tuple[int, int]:
     """Return the full frame's (width, height) in pixels, cut to whole pixels as Blender does."""
-    percent = render.resolution_percentage
-    return (
-        max(1, render.resolution_x * percent // 100),
-        max(1, render.resolution_y * percent // 100),
+    width, height = (
+        max(1, side * render.resolution_percentage // 100)
+        for side in (render.resolution_x, render.resolution_y)
     )
+    return width, height
 
 
 def working_space() -> str:

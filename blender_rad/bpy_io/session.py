@@ -18,11 +18,7 @@ from .quiet import quiet_stdout
 T = TypeVar("T")
 
 _ENGINE = "RADIOMETRIC_READER"
-_SETTINGS: dict[str, Any] = {
-    "engine": _ENGINE,
-    "use_freestyle": False,
-    "use_persistent_data": False,
-}
+_SETTINGS = {"engine": _ENGINE, "use_freestyle": False, "use_persistent_data": False}
 
 
 def in_render(bl_scene: Any, layer: str, work: Callable[[Any], T]) -> T:
