@@ -187,8 +187,8 @@ def _edge(t: Array, profile: Array, lit: NDArray[np.bool_], side: int, fraction:
 def directions(longitude: Array, latitude: Array) -> Array:
     """Return unit vectors (m, n, 3) on the axes of a grid of m by n angles [rad]."""
     u, v = longitude[:, None], latitude[None, :]
-    x, y = np.cos(v) * np.cos(u), np.cos(v) * np.sin(u)
-    return np.stack([x, y, np.sin(v) + np.zeros_like(u)], axis=-1)
+    parts = np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v) * np.ones_like(u)
+    return np.asarray(np.stack(parts, axis=-1), dtype=np.float64)
 
 
 def cells(knots: Array, values: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
