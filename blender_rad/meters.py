@@ -271,7 +271,7 @@ class _Few:
     def _double(self, number: int, rows: Ints) -> None:
         """Take as many samples again: the more often one looks, the sooner chance ends it."""
         enough = np.minimum(2.0 * self.taken[number, rows].max(), MAX_POINTS)
-        while self.taken[number, rows].min() < enough:
+        while self.taken[number, rows].max() < enough:
             self._take(number, rows)
 
     def _take(self, number: int, rows: Ints) -> None:
@@ -316,7 +316,7 @@ class _Few:
             u=nought,
             v=nought,
             epsilon=self.lift[rows],
-            smooth=zeros.astype(bool),
+            cutoff=nought,
         )
 
 

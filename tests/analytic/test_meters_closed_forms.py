@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meters whose readings are known on paper, to 0.1 % and within their own errors.
+
+Among them the direct cases of CIE 171:2006, sections 5.2 to 5.4, 5.6 and 5.7, with numbers derived
+here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blender_rad.lights import Light
+from blender_rad.lights.area import AreaLight
+from blender_rad.lights.mesh import MeshLight
+from blender_rad.lights.point import PointLight
+from blender_rad.lights.sun import SunLight
+from blender_rad.meters import LuxMeter, grid
+from blender_rad.scene import Instance, Material, Scene, World
+from tests.handmade import moved, scene, square
+
+PROMISE = 1e-3  # CONTRACT: closed forms agree to 0.1 %
+ONE = np.ones(3)
+UP, WEST = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]])
+ORIGIN = np.zeros((1, 3))
+BLACK = Material("black")
+
+
+def built(lights: list[Light], blockers=(), **others) -> Scene:
+    """A scene of lights and of black squares, each (half width, matrix)."""
+    meshes = [square(half) for half, _ in blockers]
+    placed = [Instance(f"b{k}", k, m, (0,)) for k, (_, m) in enumerate(blockers)]
+    return scene(meshes, placed, lights, materials=[BLACK], **others)
+
+
+def lux(made: Scene, points=ORIGIN, normals=UP, **options) -> np.ndarray:
+    """What meters read [lx], at 1 lm/W: W/m² of white light; checks that errors hold."""
+    meter = LuxMeter(made, efficacy=1.0, threads=1, **options)
+    read = meter.read(np.asarray(points, float), np.broadcast_to(normals, np.shape(points)))
+    assert not read.unreached.any()
+    np.testing.assert_allclose(read.illuminance, read.irradiance @ made.luminance_weights)
+    return read.illuminance
+
+
+def lamp(intensity: float, z: float, **others) -> PointLight:
+    """A point light of so many W/sr."""
+    return PointLight(
+        name="lamp", rgb=4 * np.pi * intensity * ONE, position=np.array([0.0, 0.0, z]), **others
+    )
+
+
+def ceiling(radiance: float, width: float, depth: float, z: float, **others) -> AreaLight:
+    return AreaLight(
+        name="panel",
+        rgb=np.pi * width * depth * radiance * ONE,
+        center=np.array([0.0, 0.0, z]),
+        axis_u=np.array([width, 0.0, 0.0]),
+        axis_v=np.array([0.0, -depth, 0.0]),
+        direction=np.array([0.0, 0.0, -1.0]),
+        **others,
+    )
+
+
+def quadrature(half_width: float, half_depth: float, z: float, points, normal):
+    """E/L of a downward rectangle by the midpoint rule: ∫ cosθ cosθ' / d² dA, (points,)."""
+    n = 200
+    x = (np.arange(n) + 0.5) / n * 2 - 1
+    source = np.stack(np.meshgrid(x * half_width, x * half_depth, [z]), -1).reshape(-1, 3)
+    area = 4 * half_width * half_depth / n**2
+    to = source[None] - np.asarray(points)[:, None]
+    d2 = np.sum(to**2, axis=2)
+    facing = np.maximum(to @ normal, 0.0) * np.maximum(to[..., 2], 0.0)
+    return np.sum(facing / d2**2, axis=1) * area
+
+
+def test_cie_171_5_2_point_and_lambertian_source() -> None:
+    """1000 cd, 3 m over 4 × 4 m: E = I h/d³, and I₀ h²/d⁴ for a small Lambertian source."""
+    cells = grid(np.array([-2.0, -2.0, 0.0]), np.array([4.0, 0, 0]), np.array([0, 4.0, 0]), 0.5)
+    d = np.linalg.norm(cells.points - (0, 0, 3), axis=1)
+    assert lux(built([lamp(1000.0, 3.0)])) == pytest.approx(111.1111, rel=1e-6)
+    np.testing.assert_allclose(lux(built([lamp(1000.0, 3.0)]), cells.points), 3000 / d**3)
+    small = ceiling(1000.0 / 1e-4, 0.01, 0.01, 3.0)
+    np.testing.assert_allclose(lux(built([small]), cells.points), 9000 / d**4, rtol=PROMISE)
+
+
+def test_cie_171_5_3_area_source_on_floor_and_walls() -> None:
+    """1 × 1 m of 1000 cd/m² in the ceiling of a room of 4 × 4 × 3 m."""
+    made = built([ceiling(1000.0, 1.0, 1.0, 3.0)])
+    floor = [(x, 0.3, 0.0) for x in (0.0, 0.5, 1.0, 1.9)]
+    wall = [(-2.0, y, z) for y, z in ((0.0, 0.5), (1.0, 1.5), (1.9, 2.7))]
+    for points, normal in ((floor, UP), (wall, WEST)):
+        expected = 1000.0 * quadrature(0.5, 0.5, 3.0, points, normal[0])
+        np.testing.assert_allclose(lux(made, points, normal), expected, rtol=PROMISE)
+
+
+def test_cie_171_5_4_all_the_flux_arrives_in_a_closed_room() -> None:
+    """Σ E A = Φ over the six faces of a black room of 4 × 4 × 3 m, a 10 000 lm lamp at 1.5 m."""
+    made = built([lamp(10_000 / (4 * np.pi), 1.5)])
+    faces = [
+        (a, u, v, n)
+        for axis, (size, low) in enumerate(((4.0, -2.0), (4.0, -2.0), (3.0, 0.0)))
+        for side in (0, 1)
+        for a, u, v, n in [face(axis, low + side * size, 1 - 2 * side)]
+    ]
+    flux = 0.0
+    for corner, u, v, normal in faces:
+        cells = grid(corner, u, v, 0.1)
+        flux += 0.01 * lux(made, cells.points, normal).sum()
+    assert flux == pytest.approx(10_000, rel=PROMISE)
+
+
+def face(axis: int, at: float, sign: int):
+    size, low = np.array([4.0, 4.0, 3.0]), np.array([-2.0, -2.0, 0.0])
+    eye, others = np.eye(3), [k for k in range(3) if k != axis]
+    corner = low * (1 - eye[axis]) + at * eye[axis]
+    return corner, *(size[k] * eye[k] for k in others), sign * eye[axis][None]
+
+
+def test_cie_171_5_6_and_5_7_an_opening_without_and_with_an_obstruction() -> None:
+    """A uniform emitter behind a hole of 2 × 2 m; then a board that hides one half of it."""
+    wide = 50.0
+    around = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
+    roof = [(wide, moved(x * (wide + 1), y * (wide + 1), 3.0)) for x, y in around]
+    behind = ceiling(2.0, 20.0, 20.0, 3.5)
+    points = [(0.0, 0.0, 0.0), (1.5, 0.5, 0.0)]
+    expected = 2.0 * quadrature(1.0, 1.0, 3.0, points, UP[0])
+    read = lux(built([behind], roof), points, error=3e-4)
+    np.testing.assert_allclose(read, expected, rtol=PROMISE)
+    half = [*roof, (wide, moved(wide, 0.0, 2.999))]
+    assert lux(built([behind], half), error=3e-4)[0] == pytest.approx(expected[0] / 2, rel=PROMISE)
+
+
+@pytest.mark.parametrize(
+    ("light", "expected"),
+    [
+        (lamp(10.0, 2.0), 2.5),
+        (lamp(10.0, 2.0, radius=0.7), 2.5),
+        (lamp(10.0, 2.0, radius=0.3, soft_falloff=True), 10 / 4.09),
+        (ceiling(5.0, 1.2, 1.2, 2.0, ellipse=True), 20 * 0.36 / 4.36),
+        (SunLight(name="sun", rgb=3 * ONE, towards=np.array([0.0, 0.6, 0.8])), 2.4),
+        (SunLight(name="sun", rgb=3 * ONE, towards=np.array([0, 0.6, 0.8]), half_angle=0.1), 2.4),
+    ],
+    ids=["point", "sphere", "soft", "disc", "sun", "wide sun"],
+)
+def test_lights_over_a_meter(light: Light, expected: float) -> None:
+    table = [(1.0, moved(z=0.0))]  # the meter lies on it
+    assert lux(built([light], table)) == pytest.approx(expected, rel=PROMISE)
+    under = lux(built([light], [(9.0, moved(z=0.5))]))
+    assert under == pytest.approx(0.0, abs=1e-9)
+
+
+def test_mesh_emitter_hides_its_own_far_side() -> None:
+    """Two squares back to back, 1 m² of 7 W/(m² sr) each: only the lower one arrives."""
+    low, high = square(0.5), square(0.5)
+    glow = Material("glow", emission=(7.0, 7.0, 7.0))
+    made = scene(
+        [low, high],
+        [Instance("low", 0, moved(z=2.0), (0,)), Instance("high", 1, moved(z=2.01), (0,))],
+        [],
+        materials=[glow],
+    )
+    assert isinstance(LuxMeter(made, efficacy=1.0)._light.emitters[0].light, MeshLight)
+    expected = 7 * quadrature(0.5, 0.5, 2.0, ORIGIN, UP[0])
+    assert lux(made) == pytest.approx(expected, rel=PROMISE)
+
+
+def test_sky_and_half_of_it() -> None:
+    sky = World(radiance=(2.0, 2.0, 2.0))
+    wall = (1e4, np.array([[1, 0, 0, 0], [0, 0, -1, -1e-3], [0, 1, 0, 0], [0, 0, 0, 1.0]]))
+    assert lux(built([], world=sky)) == pytest.approx(2 * np.pi, rel=1e-9)
+    assert lux(built([], [wall], world=sky)) == pytest.approx(np.pi, rel=PROMISE)
+
+
+def test_error_bars_hold_in_half_shadow() -> None:
+    """A board hides a share of a panel that differs from meter to meter: 95 % within 1.96 errors.
+
+    The truth is the same panel, cut where the board's edge is seen from the meter.
+    """
+    board = (50.0, moved(x=50.0, z=1.0))  # covers x > 0 at half the panel's height
+    points = np.stack([np.linspace(-0.45, 0.45, 400), *np.zeros((2, 400))], axis=1)
+    made = built([ceiling(1.0, 1.0, 1.0, 2.0)], [board])
+    read = LuxMeter(made, efficacy=1.0, error=0.02).read(points, np.broadcast_to(UP, points.shape))
+    truth = []
+    for x in points[:, 0]:  # what is seen of the panel: from -0.5 to -x
+        half = 0.5 * (0.5 - x)
+        shifted = np.array([[x + 0.5 - half, 0.0, 0.0]])
+        truth.append(quadrature(half, 0.5, 2.0, shifted, UP[0])[0])
+    z = (read.illuminance - truth) / read.standard_error
+    assert 0.91 < np.mean(np.abs(z) < 1.96) < 0.99  # 4 standard errors of 95 % in 400
+    assert abs(z.mean()) < 4 / np.sqrt(400)
