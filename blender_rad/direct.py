@@ -10,8 +10,8 @@ unoccluded irradiance E₀ is known in closed form it serves as a control variat
 
 with c the share of the samples of the *other* streams of the same pixel, so far, that see the
 light. c does not depend on f or V, so Ê is unbiased; it is exact without noise where the light is
-all visible (c = V = 1) or all hidden (c = V = 0), and in between only what visibility leaves open is
-noisy. c gathers over the streams' whole history: samples of one index in two streams follow the
+all visible (c = V = 1) or all hidden (c = V = 0), and in between only what visibility leaves open
+is noisy. c gathers over the streams' whole history: samples of one index in two streams follow the
 same pattern of digits, and the mean of c (E₀ - f) over equal indices would not fall with their
 number.
 """
@@ -109,20 +109,20 @@ class Sightings:
     """
 
     def __init__(self, emitters: int, places: int, streams: int) -> None:
-        self._counts = np.zeros((emitters, places, streams, 2), dtype=np.uint16)  # hidden, seen
+        self._counts = np.zeros((emitters, places, streams), dtype=np.uint32)
 
     def share(self, place: Ints, stream: Ints, number: int, lit: Ints, seen: Bools) -> Floats:
         """Count the samples `lit`, no two of one stream, and return c (n,); 1 before any is known.
 
-        `place` and `stream` (n,) tell where samples belong.
+        `place` and `stream` (n,) tell where samples belong. A word counts those hidden, and in its
+        upper half those seen.
         """
         counts = self._counts[number]
-        counts[place[lit], stream[lit], seen.astype(np.intp)] += 1
-        found = counts.take(place, axis=0)
-        others = found.sum(axis=1, dtype=float)
-        others -= found[np.arange(len(place)), stream]
-        tested = others.sum(axis=1)
-        return np.divide(others[:, 1], tested, out=np.ones_like(tested), where=tested > 0)
+        counts[place[lit], stream[lit]] += np.where(seen, 1 << 16, 1).astype(np.uint32)
+        others = sum(counts.take(place, axis=0).T) - counts[place, stream]
+        shown = others >> np.uint32(16)
+        tested = shown + (others & np.uint32(0xFFFF))
+        return np.where(tested > 0, shown / np.maximum(tested, 1), 1.0)
 
 
 class DirectLight:
@@ -204,9 +204,8 @@ class DirectLight:
             wi, distance, epsilon = wi.take(lit, axis=0), distance.take(lit), epsilon.take(lit)
             points = points.take(lit, axis=0)
         origins = self.geometry.shadow_origins(surface, wi, cosine, lit)
-        wi, reach = _aimed(wi, distance, origins - points)
-        reach = reach * (1.0 - TARGET_SHORTENING) - epsilon
-        seen = ~self.visibility.opaque.occluded(origins, wi, np.maximum(reach, 0.0))
+        wi, reach = _aimed(wi, distance, epsilon, origins - points)
+        seen = ~self.visibility.opaque.occluded(origins, wi, reach)
         return seen, self._open(lit, seen, origins, wi, reach)
 
     def _open(
@@ -224,12 +223,13 @@ class DirectLight:
         ]
 
 
-def _aimed(wi: Floats, reach: Floats, lift: Floats) -> tuple[Floats, Floats]:
-    """Return directions and distances to the same targets from origins moved by `lift` (n, 3)."""
-    near = np.isfinite(reach)
-    if not near.any():
-        return wi, reach
-    target = wi * np.where(near, reach, 1.0)[:, None] - lift
-    length = np.maximum(np.sqrt(dot(target, target)), 1e-300)
-    aimed = target / length[:, None]
-    return np.where(near[:, None], aimed, wi), np.where(near, length, np.inf)
+def _aimed(wi: Floats, distance: Floats, epsilon: Floats, lift: Floats) -> tuple[Floats, Floats]:
+    """Return rays to the same targets from origins moved by `lift` (n, 3), and their ends (n,).
+
+    They are as long as what they reach for is far, so that it lies at 1, and end short of it; what
+    is infinitely far keeps its direction.
+    """
+    if np.isinf(distance[0]):  # of a light, all are or none
+        return wi, distance
+    ends = np.maximum(1.0 - TARGET_SHORTENING - epsilon / np.maximum(distance, 1e-300), 0.0)
+    return wi * distance[:, None] - lift, ends

@@ -21,7 +21,6 @@ from .scene import Instance, Mesh, Scene
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Ray origins leave the surface by this share of the coordinates' and the triangle's size: float32
 # rounds at 6e-8 of it, and a few roundings add up.
@@ -41,7 +40,7 @@ class Surface:
     triangle : (n,) index into the geometry's triangles.
     u, v : (n,) barycentric weights of the second and third corner.
     epsilon : (n,) [bu] how far a ray's origin must leave the surface.
-    smooth : (n,) bool, where the shadow terminator offset acts.
+    cutoff : (n,) cosine below which the shadow terminator offset acts, 0 where it does not.
     """
 
     point: Floats
@@ -53,7 +52,7 @@ class Surface:
     u: Floats
     v: Floats
     epsilon: Floats
-    smooth: Bools
+    cutoff: Floats
 
 
 def dot(a: Floats, b: Floats) -> Floats:
@@ -89,9 +88,10 @@ class Geometry:
         self._corners, self._vertices = _lay_out_vertices(meshes, moves)
         self._size = np.abs(self._vertices).max(axis=1, initial=0.0)[self._corners].max(axis=1)
         self._slots = _end_to_end([m.slots for m in meshes], (0,), np.int64)
-        self._smooth = _end_to_end([m.smooth for m in meshes], (0,), np.bool_)
+        smooth = _end_to_end([m.smooth for m in meshes], (0,), np.bool_)
         shaded = [np.full(len(m.triangles), m.normals is not None) for m in meshes]
         self._shaded = _end_to_end(shaded, (0,), np.bool_)
+        self._lifted = smooth & self._shaded
         self._normal_row = np.cumsum(self._shaded) - 1
         normals = [_moved_normals(m.normals, moves.get(k)) for k, m in enumerate(meshes)]
         self._normals = _end_to_end([n for n in normals if n is not None], (0, 3, 3), np.float32)
@@ -137,7 +137,7 @@ class Geometry:
             u=hits.u,
             v=hits.v,
             epsilon=RAY_OFFSET * (size + self._distance.take(hits.instance)),
-            smooth=self._smooth.take(triangle) & self._shaded.take(triangle),
+            cutoff=self._lifted.take(triangle) * self._geometry_offset.take(hits.instance),
         )
 
     def _shading_normals(self, hits: Hits, triangle: Ints, geometric: Floats) -> Floats:
@@ -157,9 +157,7 @@ class Geometry:
         normal[shaded] = np.where(valid[:, None], smooth, normal.take(shaded, axis=0))
         return normal
 
-    def shadow_origins(
-        self, surface: Surface, wi: Floats, cosine: Floats, rows: Ints
-    ) -> Floats:
+    def shadow_origins(self, surface: Surface, wi: Floats, cosine: Floats, rows: Ints) -> Floats:
         """Return where shadow rays start, (k, 3).
 
         Beside the rounding offset along the geometric normal, towards the side that `wi` is on
@@ -174,13 +172,11 @@ class Geometry:
         cosine : (n,) of the directions from the shading normals.
         """
         point, geometric = surface.point, surface.geometric_normal
-        epsilon, instance, smooth = surface.epsilon, surface.instance, surface.smooth
+        epsilon, cutoff = surface.epsilon, surface.cutoff
         if len(rows) < len(point):
             point, geometric = point.take(rows, axis=0), geometric.take(rows, axis=0)
-            epsilon, cosine = epsilon.take(rows), cosine.take(rows)
-            instance, smooth = instance.take(rows), smooth.take(rows)
+            epsilon, cutoff, cosine = epsilon.take(rows), cutoff.take(rows), cosine.take(rows)
         towards = dot(geometric, wi)
-        cutoff = np.where(smooth, self._geometry_offset.take(instance), 0.0)
         lifted, amount, flip = _lifted(cosine, towards, cutoff)
         side = np.where(towards < 0.0, -epsilon, epsilon)
         side[lifted] = flip * epsilon.take(lifted)

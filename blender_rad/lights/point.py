@@ -87,13 +87,13 @@ class PointLight(Light):
         if self.is_delta:
             weight = self._radiance / squared * self._falloff(axis, inside)
             return LightSample(axis, np.sqrt(squared), weight, np.full(len(points), np.inf))
-        axis, cone = self._cone(axis, squared)
-        wi = geometry.sample_cone(axis, cone, u)
+        middle, cone = self._cone(axis, squared)
+        wi = geometry.sample_cone(middle, cone, u)
         pdf = 1.0 / (2.0 * np.pi * cone)
         if inside.any():
             wi[inside], cos = geometry.sample_hemisphere(normals[inside], u[inside])
             pdf[inside] = cos / np.pi
-        distance, radiance = self.intersect(points, wi)
+        distance, radiance = self._met(axis, squared, wi)
         return LightSample(wi, distance, radiance / pdf, pdf)
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
@@ -111,7 +111,10 @@ class PointLight(Light):
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         if self.is_delta:
             return super().intersect(origins, directions)
-        axis, squared = geometry.towards(self.position, origins)
+        return self._met(*geometry.towards(self.position, origins), directions)
+
+    def _met(self, axis: Array, squared: Array, directions: Array) -> tuple[Array, Array]:
+        """Return `intersect` from where the centre lies along `axis` at a squared distance."""
         cos = geometry.dot(axis, directions)
         across = directions - cos[:, None] * axis
         sin2 = geometry.dot(across, across)
