@@ -2,23 +2,24 @@
 """From unit to unit: through the emitter's shape, its spectrum, and the camera.
 
 A unit is a quantity and a factor. An emitter rests on its intensity on axis, I (point, sphere,
-spot, area, mesh), or on the irradiance of what faces it, E (sun, sky, and where no emitter is
-given); its other quantities are a number times that. A spectrum is lumens and photons a watt. So a
-conversion is a product, and its inverse the reciprocal.
+spot, area, mesh), or on the irradiance of what faces it, E (sun, sky, no emitter); its other
+quantities are a number times that. A spectrum is lumens and photons a watt. So a conversion is a
+product, and its inverse the reciprocal.
 
-A spot's flux is that of its cone alone, which Blender's watts are not divided by; its factor and
-that of an area's spread are derived in `lights.spot` and `lights.area`. From an area the irradiance
-is I/d² from afar and, where the area is given, that of a disc. A mesh is a flat one that shines
-from both faces. The flux of sun and sky is what falls onto an area that faces them.
+A spot's flux is that of its cone alone, by which Blender's watts are not divided; this and an
+area's spread are derived in `lights.spot` and `lights.area`. From an area E is I/d² from afar and,
+where the area is given, that of a disc. A mesh is flat and shines from both faces. The flux of sun
+and sky is what falls onto an area that faces them.
 
 Camera. EV100 = log₂(N²/t · 100/S) is what a reflected-light meter with K = 12.5 (ISO 2720) says of
-L_v = 2^EV100 K/100 cd/m². Exposed so, it becomes middle grey: the picture's value 0.18 is
-L_e · film exposure · 2^(view exposure), and each of the two, the other at rest, is a unit of L_e.
+L_v = K/100 · 2^EV100. Exposed so, it becomes middle grey: the picture's value 0.18 is L_e · film
+exposure · 2^(view exposure), and each of the two, the other at rest, is a unit of L_e.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
@@ -28,7 +29,6 @@ from .spectra import Spectrum
 
 FOOT = 0.3048  # m
 UMOL = AVOGADRO * 1e-6
-METER_CONSTANT = 12.5  # K [cd s/m²]
 MIDDLE_GREY = 0.18  # scene-linear
 
 
@@ -80,9 +80,7 @@ UNITS = {
         Unit("cd/m2", "radiance", "luminous"),
         Unit("nit", "radiance", "luminous", 1.0, "1 nit = 1 cd/m²"),
         Unit("fl", "radiance", "luminous", FOOT**-2 / math.pi, "1 fl = 1/π cd/ft²"),
-        Unit(
-            "EV100", "radiance", "luminous", METER_CONSTANT / 100.0, "L_v = 0.125 · 2^EV100", True
-        ),
+        Unit("EV100", "radiance", "luminous", 0.125, "L_v = 0.125 · 2^EV100", True),
         Unit("film-exposure", "radiance", "radiant", MIDDLE_GREY, f"{_GREY}/film", False, -1),
         Unit("view-exposure", "radiance", "radiant", MIDDLE_GREY, f"{_GREY}/2^view", True, -1),
     )
@@ -95,18 +93,18 @@ def ev100(f_number: float, shutter: float, iso: float) -> float:
 
 
 Shape = Mapping[str, float]  # metres, m², seconds and radians, by the name of the option
-Relation = tuple[str, float]  # an equation, and the quantity over that on which the emitter rests
+# An equation, and the quantity over that on which the emitter rests; KeyError names what it lacks.
+Relation = Callable[[Shape], tuple[str, float]]
 
 
-class Step(NamedTuple):
-    """One quantity of an emitter: the options that it needs, and those that it may take."""
+class Emitter(NamedTuple):
+    """What an emitter may be given, and its quantities by form."""
 
-    needs: tuple[str, ...]
-    relation: Callable[[Shape], Relation]
-    takes: tuple[str, ...] = ()
+    takes: tuple[str, ...]
+    relations: Mapping[str, Relation]
 
 
-def _from_ball(shape: Shape) -> Relation:
+def _from_ball(shape: Shape) -> tuple[str, float]:
     """Return I/d², which holds while all of the ball shines on the point."""
     c = math.cos(0.5 * shape.get("cone", math.pi))
     even = c + (1.0 - c) * shape.get("blend", 0.0)
@@ -115,7 +113,7 @@ def _from_ball(shape: Shape) -> Relation:
     return "E = I/d²", shape["distance"] ** -2
 
 
-def _from_disc(shape: Shape) -> Relation:
+def _from_disc(shape: Shape) -> tuple[str, float]:
     """Return E/I on the axis of a disc, L(θ) ∝ tan h − tan θ up to θ = t."""
     if "area" not in shape:
         return "E = I/d²", shape["distance"] ** -2
@@ -127,13 +125,13 @@ def _from_disc(shape: Shape) -> Relation:
     return text, math.pi / shape["area"] * (math.sin(t) ** 2 - lost)
 
 
-def _spot_flux(shape: Shape) -> Relation:
+def _spot_flux(shape: Shape) -> tuple[str, float]:
     cap = 1.0 - math.cos(0.5 * shape["cone"])
     text = "Φ = 2π (1 − cos(cone/2)) (1 − blend/2) I"
     return text, 2.0 * math.pi * cap * (1.0 - 0.5 * shape.get("blend", 0.0))
 
 
-def _area_flux(shape: Shape) -> Relation:
+def _area_flux(shape: Shape) -> tuple[str, float]:
     if "spread" not in shape:
         return "Φ = π I", math.pi
     half = 0.5 * shape["spread"]
@@ -141,34 +139,48 @@ def _area_flux(shape: Shape) -> Relation:
     return "Φ = π I (tan h − h)/tan h, h = spread/2", math.pi * (tangent - half) / tangent
 
 
-_REST = Step((), lambda _: ("", 1.0))
-_BALL = {
+def _sun_radiance(shape: Shape) -> tuple[str, float]:
+    return "E = π sin²(angle/2) L", 1.0 / (math.pi * math.sin(0.5 * shape["angle"]) ** 2)
+
+
+def _given(text: str, factor: float) -> Relation:
+    return lambda _: (text, factor)
+
+
+def _lacking(*names: str) -> Relation:
+    def relation(_: Shape) -> tuple[str, float]:
+        raise KeyError(*names)
+
+    return relation
+
+
+_REST = _given("", 1.0)
+_BALL: dict[str, Relation] = {
     "intensity": _REST,
-    "irradiance": Step(("distance",), _from_ball, ("radius",)),
-    "radiance": Step(("radius",), lambda s: ("L = I/(πr²)", 1.0 / (math.pi * s["radius"] ** 2))),
+    "irradiance": _from_ball,
+    "radiance": lambda s: ("L = I/(πr²)", 1.0 / (math.pi * s["radius"] ** 2)),
 }
-_PLATE = {
+_PLATE: dict[str, Relation] = {
     "intensity": _REST,
-    "irradiance": Step(("distance",), _from_disc, ("area",)),
-    "radiance": Step(("area",), lambda s: ("L = I/A", 1.0 / s["area"])),
+    "irradiance": _from_disc,
+    "radiance": lambda s: ("L = I/A", 1.0 / s["area"]),
 }
-_LIT = {"irradiance": _REST, "flux": Step(("area",), lambda s: ("Φ = E A", s["area"]))}
-_POINT = _BALL | {"flux": Step((), lambda _: ("Φ = 4π I", 4.0 * math.pi))}
-_SUN = Step(
-    ("angle",),
-    lambda s: ("E = π sin²(angle/2) L", 1.0 / (math.pi * math.sin(0.5 * s["angle"]) ** 2)),
-)
-_BARE = _LIT | {"intensity": Step(("distance",), lambda s: ("E = I/d²", s["distance"] ** 2))}
+_LIT: dict[str, Relation] = {"irradiance": _REST, "flux": lambda s: ("Φ = E A", s["area"])}
+_BARE = _LIT | {"intensity": lambda s: ("E = I/d²", s["distance"] ** 2)}
+_POINT = _BALL | {"flux": _given("Φ = 4π I", 4.0 * math.pi)}
+_TWO_FACED = _PLATE | {"flux": _given("Φ = 2π I", 2.0 * math.pi)}
 EMITTERS = {
-    "point": _POINT,
-    "sphere": _POINT,
-    "spot": _BALL | {"flux": Step(("cone",), _spot_flux, ("blend",))},
-    "area": _PLATE | {"flux": Step((), _area_flux, ("spread",))},
-    "mesh": _PLATE | {"flux": Step((), lambda _: ("Φ = 2π I", 2.0 * math.pi))},
-    "sun": _LIT | {"radiance": _SUN},
-    "sky": _LIT | {"radiance": Step((), lambda _: ("E = π L", 1.0 / math.pi))},
+    "point": Emitter(("distance", "radius"), _POINT),
+    "sphere": Emitter(("distance", "radius"), _POINT),
+    "spot": Emitter(("distance", "radius", "cone", "blend"), _BALL | {"flux": _spot_flux}),
+    "area": Emitter(("distance", "area", "spread"), _PLATE | {"flux": _area_flux}),
+    "mesh": Emitter(("distance", "area"), _TWO_FACED),
+    "sun": Emitter(("angle", "area"), _LIT | {"radiance": _sun_radiance}),
+    "sky": Emitter(("area",), _LIT | {"radiance": _given("E = π L", 1.0 / math.pi)}),
 }
-_DURATION = Step(("duration",), lambda s: ("Q = Φ t", s["duration"]))
+_NO_EMITTER = Emitter(("distance", "area"), _BARE)
+_ANGLE = (math.pi, "degrees above 0, up to 180")
+_RANGES = {"cone": _ANGLE, "spread": _ANGLE, "angle": _ANGLE, "blend": (1.0, "0 to 1")}
 _WORDS = {
     "emitter": "an emitter, for its solid angle",
     "cone": "a cone, for its solid angle",
@@ -220,25 +232,27 @@ def convert(
     source, target, shape = unit_named(unit), unit_named(to), shape or {}
     if not math.isfinite(value) or (value < 0.0 and not source.stops):
         raise RadError(f"{value:g} {unit} is no amount of light", "VALUE", "expected 0 or more")
-    ends = (source, target), (target, source)
-    paths = [
-        _kind_steps(end, other, light) + _form_steps(end, other, emitter, shape)
-        for end, other in ends
-    ]
-    missing = [name for path in paths for step in path for name in step.needs if name not in shape]
-    if missing:
-        raise _missing_error(f"{unit} to {to}", missing)
-    texts = [source.definition]
+    _refuse_unused(emitter, shape)
+    texts, missing, result = [source.definition], list[str](), math.nan
     try:
         result = source.to_si(value)
-        for path, sign in zip(paths, (-1, 1), strict=True):
-            for step in path:
-                text, factor = step.relation(shape)
-                texts.append(text)
-                result *= factor**sign
+        for end, other, sign in ((source, target, -1), (target, source, 1)):
+            for relation in _by_kind(end, other, light) + _by_form(end, other, emitter, shape):
+                try:
+                    text, factor = relation(shape)
+                except KeyError as lacking:
+                    missing += lacking.args
+                else:
+                    texts.append(text)
+                    result *= factor**sign
         result = target.from_si(result)
     except ArithmeticError:
         result = math.nan
+    if missing:
+        names = list(dict.fromkeys(missing))
+        needs = " and ".join(_WORDS.get(name, f"a {name}") for name in names)
+        options = ", ".join(f"--{name}" for name in names)
+        raise RadError(f"{unit} to {to} needs {needs}", options, "expected with it, see --help")
     if not math.isfinite(result):
         what = f"{value:g} {unit} is no finite number of {to}"
         raise RadError(what, "VALUE", "expected another value, shape or spectrum")
@@ -247,63 +261,54 @@ def convert(
     return Conversion(result, known, formula or f"1 {unit} = 1 {to}")
 
 
-def _kind_steps(end: Unit, other: Unit, light: Spectrum | float | None) -> list[Step]:
+def _refuse_unused(emitter: str | None, shape: Shape) -> None:
+    if emitter and emitter not in EMITTERS:
+        raise unknown_name("emitter", emitter, "--emitter", list(EMITTERS))
+    takes = (*(EMITTERS[emitter] if emitter else _NO_EMITTER).takes, "duration")
+    for name, value in shape.items():
+        if name not in takes:
+            what = f"{emitter or 'no emitter'} has no {name}"
+            raise RadError(what, f"--{name}", f"expected any of: {', '.join(takes)}")
+        high, expected = _RANGES.get(name, (sys.float_info.max, "more than 0"))
+        if not (0.0 < value <= high or (value == 0.0 and name == "blend")):
+            raise RadError(f"no {name} is like that", f"--{name}", f"expected {expected}")
+
+
+def _by_kind(end: Unit, other: Unit, light: Spectrum | float | None) -> list[Relation]:
     """Return what leads from radiant to `end`; photons need no spectrum to be counted in µmol."""
     kinds = {end.kind, other.kind}
     counting = kinds == {"photon", "photosynthetic"} and not isinstance(light, Spectrum)
     if len(kinds) == 1 or end.kind == "radiant" or counting:
         return []
-    if end.kind == "luminous" and light is not None:
-        factor = light.efficacy_lm_W if isinstance(light, Spectrum) else light
-        text = f"X_v = K X_e, K = {factor:.6g} lm/W"
-    elif isinstance(light, Spectrum):
-        part = end.kind == "photosynthetic"
-        factor = light.photons_per_J(*[PHOTOSYNTHETIC_NM] * part)
-        text = f"X_p = n X_e, n = {factor:.6g}/J{' of 400–700 nm' * part}"
+    if light is None or (end.kind != "luminous" and not isinstance(light, Spectrum)):
+        return [_lacking("spectrum")]
+    if not isinstance(light, Spectrum):
+        return [_given(f"X_v = K X_e, K = {light:.6g} lm/W by convention", light)]
+    if end.kind == "luminous":
+        factor, text = light.efficacy_lm_W, "X_v = K X_e, K = {:.6g} lm/W ({})"
+    elif end.kind == "photon":
+        factor, text = light.photons_per_J(), "X_p = n X_e, n = {:.6g}/J ({})"
     else:
-        return [Step(("spectrum",), _REST.relation)]
-    title = light.title if isinstance(light, Spectrum) else "by convention"
-    return [Step((), lambda _: (f"{text} ({title})", factor))]
+        factor = light.photons_per_J(PHOTOSYNTHETIC_NM)
+        text = "X_p = n X_e, n = {:.6g}/J of 400–700 nm ({})"
+    return [_given(text.format(factor, light.title), factor)]
 
 
-def _form_steps(end: Unit, other: Unit, emitter: str | None, shape: Shape) -> list[Step]:
+def _by_form(end: Unit, other: Unit, emitter: str | None, shape: Shape) -> list[Relation]:
     """Return what leads from that on which the emitter rests to `end`; energy is flux times t."""
-    table = _table(emitter, shape)
     form, away = ("flux" if unit.form == "energy" else unit.form for unit in (end, other))
-    steps = [_DURATION] if end.form == "energy" != other.form else []
+    time: list[Relation] = [lambda s: ("Q = Φ t", s["duration"])]
+    steps = time if end.form == "energy" != other.form else []
     if form == away:
         return steps
     pair = {form, away}
-    bare = pair == {"irradiance", "intensity"} or (
-        pair == {"irradiance", "flux"} and "area" in shape
-    )
-    if not emitter and not bare:
-        return [Step(("emitter", *["distance"] * ("irradiance" in pair)), _REST.relation)]
-    if form not in table:
+    bare = pair == {"irradiance", "flux"} and "area" in shape
+    if not emitter and not bare and pair != {"irradiance", "intensity"}:
+        return [
+            _lacking("emitter", *["distance"] * ("irradiance" in pair and "distance" not in shape))
+        ]
+    relations = (EMITTERS[emitter] if emitter else _NO_EMITTER).relations
+    if form not in relations:
         what = f"{emitter} has no {end.quantity.name}"
         raise RadError(what, "--emitter", "expected another emitter")
-    return [*steps, table[form]]
-
-
-def _table(emitter: str | None, shape: Shape) -> Mapping[str, Step]:
-    """Return an emitter's quantities, after a look at whether it has all that is given."""
-    if emitter and emitter not in EMITTERS:
-        raise unknown_name("emitter", emitter, "--emitter", list(EMITTERS))
-    table = EMITTERS[emitter] if emitter else _BARE
-    known = {name for step in (*table.values(), _DURATION) for name in step.needs + step.takes}
-    for name in shape:
-        if name not in known:
-            what = f"{emitter or 'no emitter'} has no {name}"
-            raise RadError(what, f"--{name}", f"expected any of: {', '.join(sorted(known))}")
-        if not (0.0 < shape[name] < math.inf or (shape[name] == 0.0 and name == "blend")):
-            raise RadError(f"a {name} of {shape[name]:g}", f"--{name}", "expected more than 0")
-    return table
-
-
-def _missing_error(conversion: str, missing: list[str]) -> RadError:
-    names = list(dict.fromkeys(missing))
-    return RadError(
-        f"{conversion} needs {' and '.join(_WORDS.get(name, f'a {name}') for name in names)}",
-        ", ".join(f"--{name}" for name in names),
-        "expected what `blender-rad convert --help` shows",
-    )
+    return [*steps, relations[form]]

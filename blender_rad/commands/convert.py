@@ -16,7 +16,6 @@ from ._base import Command, Outcome, option
 
 EXPOSURE = re.compile(r"f/([\d.]+),([\d./]+),ISO(\d+)", re.IGNORECASE)
 AMOUNT = f"a number, {', '.join(PRESETS)}, or an exposure as f/8,1/125,ISO100"
-ANGLE, SHARE = values.number(0, 180, closed=True), values.number(0, 1, closed=True)
 SHAPE = ("distance", "area", "radius", "cone", "blend", "spread", "angle", "duration")
 
 
@@ -53,10 +52,12 @@ class ConvertOptions(Command, verb="convert"):
     distance: float | None = option(values.number(0), "from the emitter's centre", metavar="M")
     area: float | None = option(values.number(0), "emitter's; sun, sky: what is lit", metavar="M2")
     radius: float | None = option(values.number(0), "of a ball", metavar="M")
-    cone: float | None = option(ANGLE, "full angle of a spot", metavar="DEG")
-    blend: float | None = option(SHARE, "of a spot (default: 0, hard)", metavar="0-1")
-    spread: float | None = option(ANGLE, "full angle of an area (default: 180)", metavar="DEG")
-    angle: float | None = option(ANGLE, "full angle of the sun's disc", metavar="DEG")
+    cone: float | None = option(values.number(), "full angle of a spot", metavar="DEG")
+    blend: float | None = option(values.number(), "of a spot (default: 0, hard)", metavar="0-1")
+    spread: float | None = option(
+        values.number(), "full angle of an area (default: 180)", metavar="DEG"
+    )
+    angle: float | None = option(values.number(), "full angle of the sun's disc", metavar="DEG")
     duration: float | None = option(values.number(0), "from flux to energy", metavar="S")
     spectrum: str | None = option(
         values.text,

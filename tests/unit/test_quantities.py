@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One table of quantities, and the numbers that everything else is built on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from blender_rad.quantities import EFFICACIES_LM_W, K_M, PRESETS, QUANTITIES, quantity
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+
+
+def test_every_form_has_every_kind_and_twins_are_mutual() -> None:
+    assert len(QUANTITIES) == len({(q.form, q.kind) for q in QUANTITIES.values()}) == 6 * 4
+    for entry in QUANTITIES.values():
+        assert entry is quantity(entry.form, entry.kind) is QUANTITIES[entry.name]
+        assert bool(entry.twin) == (entry.kind in ("radiant", "luminous"))
+        if entry.twin:
+            twin = QUANTITIES[entry.twin]
+            assert (twin.twin, twin.form) == (entry.name, entry.form)
+            assert twin.definition == entry.definition
+
+
+@pytest.mark.parametrize(
+    ("name", "symbol", "unit", "key"),
+    [
+        ("radiant_flux", "Φ_e", "W", "radiant_flux_W"),
+        ("luminous_intensity", "I_v", "cd", "luminous_intensity_cd"),
+        ("radiant_intensity", "I_e", "W/sr", "radiant_intensity_W_sr"),
+        ("irradiance", "E_e", "W/m²", "irradiance_W_m2"),
+        ("radiance", "L_e", "W/(m² sr)", "radiance_W_m2_sr"),
+        ("luminous_energy", "Q_v", "lm·s", "luminous_energy_lm_s"),
+        ("spectral_radiance", "L_λ", "W/(m² sr nm)", "spectral_radiance_W_m2_sr_nm"),
+        ("spectral_radiant_flux", "Φ_λ", "W/nm", "spectral_radiant_flux_W_nm"),
+        ("photon_irradiance", "E_p", "1/(m² s)", "photon_irradiance_1_m2_s"),
+    ],
+)
+def test_names_symbols_and_keys(name: str, symbol: str, unit: str, key: str) -> None:
+    entry = QUANTITIES[name]
+    assert (entry.symbol, entry.unit, entry.key) == (symbol, unit, key)
+
+
+def test_the_readme_uses_these_words_and_units() -> None:
+    text = " ".join(README.split())
+    for form in ("flux", "intensity", "irradiance", "radiance"):
+        for kind in ("radiant", "luminous"):
+            entry = quantity(form, kind)
+            assert f"{entry.name.replace('_', ' ')} {entry.unit}" in text
+
+
+def test_constants() -> None:
+    assert EFFICACIES_LM_W == {"photopic": K_M, "cycles-ies": 177.83, "radiance": 179.0}
+    assert K_M == 683.002
+    assert {name: tuple(preset) for name, preset in PRESETS.items()} == {
+        "solar-constant": (1361.0, "W/m2"),
+        "solar-constant-1971": (1353.0, "W/m2"),
+    }

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Spectra against published numbers, closed forms, and files that are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from blender_rad.errors import RadError
+from blender_rad.lights._emission import blackbody_rgb
+from blender_rad.spectra import Limits, colour_temperature, luminous_efficacy, spectrum
+
+BOLTZMANN = 1.380649e-23  # J/K
+AVOGADRO = 6.02214076e23
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "lm_W", "rel"),
+    [
+        # K_m ∫SV/∫S over CIE's own 1 nm tables: CIE 018:2019 for V and
+        # doi:10.25039/CIE.DS.8jsxjrsn (A), .hjfjmt59 (D65), .dhcw57sd (LED), 380–780 nm.
+        ("A", None, 156.196, 2e-5),
+        ("D65", None, 205.153, 1e-5),
+        ("LED-B1", None, 311.840, 3e-4),  # ours are 5 nm tables
+        ("LED-B3", None, 316.951, 3e-4),
+        ("LED-B5", None, 305.293, 5e-4),
+        # Murphy 2012, doi:10.1063/1.4721897: a blackbody of 5800 K cut to 400–700 nm
+        ("blackbody:5800", (400.0, 700.0), 251.0, 2e-3),
+        ("laser:555", None, 683.002, 1e-12),  # V = 1
+        ("laser:555.016", None, 683.0, 3e-6),  # the candela's 540 THz in air
+        ("laser:632.8", None, 162.0, 0.01),  # He-Ne, V = 0.237
+        ("laser:1064", None, 0.0, 0.0),
+        ("rgb:1,1,1", None, 205.153, 1e-5),  # Blender's white is D65
+    ],
+)
+def test_luminous_efficacy(name: str, limits: Limits | None, lm_W: float, rel: float) -> None:
+    assert luminous_efficacy(name, limits) == pytest.approx(lm_W, rel=rel)
+
+
+@pytest.mark.parametrize(
+    ("name", "temperature", "rendering"),
+    [  # CIE 15:2018, tables of illuminants; R_a as CIE prints it
+        ("A", 2856, 100),
+        ("D65", 6504, 100),
+        ("FL2", 4230, 64),
+        ("FL11", 4000, 83),
+        ("LED-B3", 4103, 85),
+    ],
+)
+def test_colour(name: str, temperature: float, rendering: float) -> None:
+    colour = spectrum(name).colour
+    assert colour.temperature_K == pytest.approx(temperature, rel=1.5e-3)
+    assert colour.rendering_index == pytest.approx(rendering, abs=0.5)
+
+
+def test_duv_and_what_has_no_temperature() -> None:
+    assert spectrum("blackbody:3000").colour.duv == pytest.approx(0.0, abs=2e-5)
+    assert spectrum("D65").colour.duv == pytest.approx(0.0032, abs=5e-5)  # daylight's locus
+    for name in ("laser:550", "rgb:1,0,0", "blackbody:700"):
+        assert spectrum(name).colour == (None, None, None)
+    assert colour_temperature([0.0, 0.0, 0.0]) == (None, None)
+
+
+@pytest.mark.parametrize("kelvin", [1500.0, 4000.0, 9000.0])
+def test_temperature_and_colour_are_blenders(kelvin: float) -> None:
+    r, g, b = blackbody_rgb(kelvin) / 10.0
+    painted = spectrum(f"rgb:{r},{g},{b}").colour
+    assert painted.temperature_K == pytest.approx(kelvin, rel=0.02)
+    assert spectrum("temperature:99").efficacy_lm_W == luminous_efficacy("blackbody:800")
+
+
+def test_photons() -> None:
+    assert spectrum("laser:550").photons_per_J() == pytest.approx(2.77e18, rel=1e-3)
+    whole = spectrum("blackbody:5772", (100.0, 1e5))
+    mean = 2.701178 * BOLTZMANN * 5772.0  # of a blackbody's photons: π⁴/(30 ζ(3)) kT
+    assert whole.photons_per_J() == pytest.approx(1.0 / mean, rel=2e-4)
+
+
+@pytest.mark.parametrize(("name", "lx"), [("D65", 54.0), ("FL2", 74.0), ("A", 50.0)])
+def test_lux_per_ppfd(name: str, lx: float) -> None:
+    """Thimijan and Heins 1983, HortScience 18: 818: sun and sky, cool white, incandescent."""
+    light = spectrum(name)
+    umol_per_J = light.photons_per_J((400.0, 700.0)) / AVOGADRO * 1e6
+    assert light.efficacy_lm_W / umol_per_J == pytest.approx(lx, rel=0.04)
+
+
+def test_only_photons_of_400_to_700_nm_are_photosynthetic() -> None:
+    for name, limits in (("laser:701", None), ("laser:399", None), ("E", (700.0, 780.0))):
+        assert spectrum(name, limits).photons_per_J((400.0, 700.0)) == 0.0
+    inside = spectrum("E", (420.0, 690.0))
+    assert inside.photons_per_J((400.0, 700.0)) == inside.photons_per_J()
+
+
+def test_limits_are_stated_and_kept() -> None:
+    assert spectrum("D65", (300.5, 700.25)).limits_nm == (300.5, 700.25)
+    assert (spectrum("A").title, spectrum("laser:532").title) == ("A, 380–780 nm", "laser:532")
+    whole, part = (luminous_efficacy("blackbody:3000", (100, end)) for end in (1e5, 1e3))
+    assert whole / part == pytest.approx(0.27323, rel=3e-5)  # tabulated share below λT = 3 mm K
+
+
+def test_a_file_is_a_spectrum_between_its_own_ends(tmp_path: Path) -> None:
+    path = tmp_path / "lamp.csv"
+    path.write_text("wavelength (nm),W\n500,2\n520,2\n", encoding="utf-8-sig")
+    light = spectrum(str(path))
+    assert light.limits_nm == (500.0, 520.0)
+    assert light.photons_per_J() == pytest.approx(510e-9 / 1.986445857e-25, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "nm,W\n", "400,1\n", "400,1\n300,2\n", "400,1\n500,x\n", "400,1\n500,-1\n", "0.4,1\n0.7,1",
+     "400,0\n500,0\n", "400\n500\n", "400,1,1\n500,1,1\n", "400,1\n500,1,1\n", "400,nan\n500,1\n"],
+)  # fmt: skip
+def test_a_file_that_is_no_spectrum_is_refused_by_name(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "lamp.csv"
+    path.write_text(text)
+    with pytest.raises(RadError, match=r"lamp\.csv"):
+        spectrum(str(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "words"),
+    [
+        ("sun", None, "LED-B3.*blackbody:K"),
+        ("lamp:3", None, "laser:NM"),
+        ("blackbody:0", None, "numbers above 0"),
+        ("laser:inf", None, "numbers above 0"),
+        ("laser:5", None, "100 to 100000 nm"),
+        ("laser:555", (600.0, 700.0), "600 to 700 nm"),
+        ("rgb:1,1", None, "rgb:R,G,B"),
+        ("rgb:1,-1,1", None, "numbers above 0"),
+        ("D65", (380.0, 900.0), "within 300,780"),
+        ("D65", (700.0, 400.0), "--limits"),
+        ("A", (float("nan"), 400.0), "--limits"),
+        ("missing.csv", None, "missing.csv"),
+    ],
+)
+def test_what_is_no_spectrum_is_refused(name: str, limits: Limits | None, words: str) -> None:
+    with pytest.raises(RadError, match=words):
+        spectrum(name, limits)
