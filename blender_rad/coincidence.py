@@ -9,7 +9,7 @@ from close below, a point that lies on two faces then shows two different ones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from .direct import DirectLight
 from .errors import Finding
 from .film import Film, neighbourhood_mean
 from .rays import Caster, Hits
-from .scene import Mesh, Scene, Unsupported
+from .scene import Camera, Mesh, Scene, Unsupported
 from .surfaces import RAY_OFFSET, Geometry, Surface, cross, dot, normalized
 
 Bools = NDArray[np.bool_]
@@ -34,36 +34,33 @@ REACH = 64  # of a point's epsilon, from where it is looked at
 # Of a point's epsilon: measured, Cycles confuses faces up to 0.05 to 0.15 of it.
 BEHIND = 0.25
 PARALLEL = 1.0 - 1e-6  # cosine of planes that stay together
-BATCH = 65536
+RAYS, MORE_RAYS = 4, 16  # through a pixel
+BATCH = 65536  # rays
 
 
 def coincident_faces(light: DirectLight) -> dict[Unsupported, Bools]:
     """Return where in the picture (h, w) a face lies on another, by pair of objects.
 
-    Model: one ray a pixel. A face in front of the one that is seen, which the camera does not see,
-    counts as far up as our shadow rays start; one behind it as far as it hides light in Cycles.
+    Model: a few rays through each pixel, and more through those beside what they found, so that
+    narrow strips are followed to their ends.
     """
-    scene, rng = light.scene, np.random.default_rng(0)
-    if scene.camera is None:
+    scene, camera, rng = light.scene, light.scene.camera, np.random.default_rng(0)
+    if camera is None:
         return {}
     loose = _cut_loose(scene, rng)
-    width, height = scene.resolution
+    shape = scene.resolution[::-1]
     masks: dict[Unsupported, Bools] = {}
-    for start in range(0, width * height, BATCH):
-        pixel = np.arange(start, min(start + BATCH, width * height))
-        row, column = np.divmod(pixel, width)
-        corner = np.stack([column, height - 1 - row], axis=-1)
-        rays = camera_rays(scene.camera, scene.resolution, corner + rng.random(corner.shape))
-        hits = light.visibility.camera.intersect(rays.origins, rays.directions)
-        met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))
-        hits = hits.take(met)
-        surface = light.geometry.surface(hits, rays.directions.take(met, axis=0))
-        for side in (-1.0, 1.0):
-            rows, other = _others(hits, surface, light.geometry, loose, side)
-            pairs = np.sort(np.stack([hits.instance[rows], other], axis=-1), axis=1)
-            for pair in np.unique(pairs, axis=0):
-                mask = masks.setdefault(_cause(scene, pair), np.zeros((height, width), dtype=bool))
-                mask.flat[pixel[met[rows[(pairs == pair).all(axis=1)]]]] = True
+    found, looked, everywhere = np.zeros(shape), np.zeros(shape, dtype=bool), np.ones(shape, bool)
+    todo, rays = np.arange(found.size), RAYS
+    while len(todo):
+        for start in range(0, len(todo), BATCH // rays):
+            pixel = np.repeat(todo[start : start + BATCH // rays], rays)
+            for cause, shown in _coincident(light, camera, loose, pixel, rng):
+                masks.setdefault(cause, np.zeros(shape, dtype=bool)).flat[shown] = True
+                found.flat[shown] = 1.0
+        beside = (neighbourhood_mean(found, everywhere) > 0.0) & (found == 0.0) & ~looked
+        todo, rays = np.flatnonzero(beside), MORE_RAYS
+        looked |= beside
     return masks
 
 
@@ -83,10 +80,35 @@ def left_out(film: Film, masks: Mapping[Unsupported, Bools]) -> Film:
     return film
 
 
+def _coincident(
+    light: DirectLight, camera: Camera, loose: Caster, pixel: Ints, rng: Generator
+) -> Iterator[tuple[Unsupported, Ints]]:
+    """Yield pairs of objects and which of the pixels (n,), a ray through each, show them."""
+    scene = light.scene
+    row, column = np.divmod(pixel, scene.resolution[0])
+    corner = np.stack([column, scene.resolution[1] - 1 - row], axis=-1)
+    rays = camera_rays(camera, scene.resolution, corner + rng.random(corner.shape))
+    hits = light.visibility.camera.intersect(rays.origins, rays.directions)
+    met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))
+    hits = hits.take(met)
+    surface = light.geometry.surface(hits, rays.directions.take(met, axis=0))
+    for side in (-1.0, 1.0):
+        rows, other = _others(hits, surface, light.geometry, loose, side)
+        pairs = np.sort(np.stack([hits.instance[rows], other], axis=-1), axis=1)
+        for pair in np.unique(pairs, axis=0):
+            first, second = sorted(scene.instances[index].name for index in pair)
+            found = pixel[met[rows[(pairs == pair).all(axis=1)]]]
+            yield Unsupported("object", first, FEATURE + second), found
+
+
 def _others(
     hits: Hits, surface: Surface, geometry: Geometry, loose: Caster, side: float
 ) -> tuple[Ints, Ints]:
-    """Return which points (k,) show another face from that side, and the instances it is of."""
+    """Return which points (k,) show another face from that side, and the instances it is of.
+
+    A face in front of the one that is seen, which the camera does not see, counts as far up as our
+    shadow rays start; one behind it as far as it hides light in Cycles.
+    """
     up = surface.geometric_normal * side
     reach = REACH * surface.epsilon
     near = loose.intersect(surface.point + up * reach[:, None], -up)
@@ -99,11 +121,6 @@ def _others(
     parallel = np.abs(dot(found.geometric_normal, up)) > PARALLEL
     coincident = (height > -BEHIND) & (height < 1.0) & parallel
     return rows[coincident], found.instance[coincident]
-
-
-def _cause(scene: Scene, pair: Ints) -> Unsupported:
-    first, second = sorted(scene.instances[index].name for index in pair)
-    return Unsupported("object", first, FEATURE + second)
 
 
 def _cut_loose(scene: Scene, rng: Generator) -> Caster:

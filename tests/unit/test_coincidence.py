@@ -86,6 +86,15 @@ def test_nothing_else_is(meshes: list[Mesh], places: list[tuple[int, Floats]], a
     assert not seen(meshes, [(m, moved(at, at) @ place) for m, place in places], at)
 
 
+def test_a_narrow_strip_is_followed() -> None:
+    """Two floors that overlap by a sixth of a pixel."""
+    instances = [Instance("a", 0, moved(-5.0), (0,)), Instance("b", 0, moved(4.99), (0,))]
+    made = scene([FLOOR], instances, [], resolution=(64, 64))
+    (mask,) = coincident_faces(DirectLight(made)).values()
+    assert mask.any(axis=1).mean() > 0.9
+    assert mask.any(axis=0).sum() == 1
+
+
 def test_they_are_left_out_with_a_finding() -> None:
     instances = [Instance("floor", 0, HERE, (0,)), Instance("patch", 1, HERE, (0,))]
     film = Check(scene([FLOOR, square(1.0)], instances, []), Terms(samples=2)).film
