@@ -67,7 +67,7 @@ def ies_fields(record: LightRecord, model: Model, facing: Array | None = None) -
 
 def _handed(light: Distribution) -> bool:
     """Return whether no turn about its pole makes a light its mirror image."""
-    around, up = np.radians(np.arange(0, 360, 5)), np.radians(np.arange(-87.5, 90, 5))
+    around, up = np.radians(np.arange(2.5, 360, 5)), np.radians(np.arange(-87.5, 90, 5))
     local = directions(around, up).reshape(-1, 3)
     table = light.factor(local @ np.linalg.inv(light.frame).T).reshape(len(around), -1)
     misfits = [np.abs(np.roll(table[::-1], k, axis=0) - table).sum() for k in range(len(around))]
@@ -113,7 +113,7 @@ def _even(longitude: Array, latitude: Array, table: Array, frame: Array) -> Dist
 def _edged(azimuth: Array, vertical: Array, table: Array, version: tuple[int, ...]) -> Array:
     """Return `table` with the rows that the cubic takes beyond its edges."""
     if min(table.shape) < 2:
-        return np.zeros(np.add(table.shape, 2))
+        return np.zeros(np.maximum(np.add(table.shape, 2), 4))
     inner, tiny = float(version >= EVEN_SINCE), np.float32(1e-7)
     round_v = vertical[-1] > np.float32(np.pi) - tiny
     round_h = azimuth[0] < tiny and azimuth[-1] > np.float32(2.0 * np.pi) - tiny

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""IES Texture nodes: our light against Cycles' at receivers all about, and light of LDT files."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+from mathutils import Matrix  # noqa: E402  (comes with bpy)
+
+from blender_rad.bpy_io.ies import add_photometric_light  # noqa: E402
+from blender_rad.bpy_io.lights import light_record  # noqa: E402
+from blender_rad.lights import Light, light_from_record  # noqa: E402
+from blender_rad.photometry import parse_photometry  # noqa: E402
+from tests.blender.test_lights_cycles import Stage, assert_same, ours  # noqa: E402
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+# Off the axes of every type; two are near the seam at -Y, and one is above.
+TOWARDS = np.array([(0.1, -1, -1), (-0.1, -1, -2), (1, 0.2, -1.5), (-1, 0.3, -0.7), (0.7, 1, 0.6)])
+RECEIVERS = tuple((tuple(1.5 * d), tuple(-d)) for d in TOWARDS)
+HALF, TURN = np.arange(0, 181, 15), np.arange(0, 361, 30)
+TILTED = Matrix.Rotation(0.3, 4, (1, 2, 3))
+SCALED = TILTED @ Matrix.Diagonal((1, 2, 0.7, 1))
+SINGLE_PRECISION = 1e-4  # of angles near a table's ends; the cubic makes more of it
+
+
+def ies(v: Any = HALF, h: Any = TURN, kind: int = 1, factors: str = "1 1") -> str:
+    """Return a rough table without symmetry."""
+    table = 300.0 + 200.0 * np.random.default_rng(3).random((len(h), len(v)))
+    rows = ["IESNA:LM-63-2002", "TILT=NONE", f"1 -1 2 {len(v)} {len(h)} {kind} 1 0 0 0"]
+    rows += [f"{factors} 50", *(" ".join(f"{x:.6g}" for x in row) for row in (v, h, *table))]
+    return "\n".join(rows) + "\n"
+
+
+TEXTS = {
+    "full": ies(),
+    "axial": ies(h=[0]),
+    "quarter": ies(h=TURN[:4]),
+    "half": ies(h=TURN[:7]),
+    "turned-half": ies(h=TURN[3:10]),
+    "from-minus-90": ies(h=TURN[:7] - 90),
+    "not-closed": ies(h=TURN[:-1]),
+    "uneven": ies(h=[0, 20, 90, 200, 300], v=[20, 30, 90, 160]),
+    "not-rising": ies(h=[0, 90, 60, 120, 360]),
+    "A": ies(HALF - 90, TURN[:7] - 90, 3, factors="0.9 0.8"),
+    "A-half": ies(HALF[:7], HALF[:7], 3),
+    "B": ies(HALF - 90, HALF - 90, 2),
+    "B-half": ies(HALF[:7], HALF[:7], 2),
+    "commas-and-tilt": ies().replace("NONE", "INCLUDE\n1\n2\n0 90\n1 0.5").replace(" ", ", "),
+    "unreadable": ies().replace("TILT=NONE", "TILT = NONE"),
+    "too-short": ies()[:-9],
+    "one-angle": ies(v=[90]) + "\n",
+}
+
+
+HANDED = {"full", "from-minus-90", "not-closed", "uneven", "not-rising", "A", "B"}
+HANDED |= {"commas-and-tilt"}
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
+    made = Stage(tmp_path_factory.mktemp("cycles") / "receiver.exr")
+    made.scene.cycles.samples = 16  # points give no noise
+    return made
+
+
+def light_of(stage: Stage, text: str | Path, kind: str = 'POINT', turned: Any = None) -> Any:
+    """Show a light whose IES Texture has `text`, or reads that file."""
+    lamp = bpy.data.lights.new("IES", kind)
+    lamp.energy, lamp.color = 2.0, (1.0, 0.5, 0.25)
+    if kind != 'AREA':
+        lamp.shadow_soft_size = 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        lamp.use_nodes = True
+    tree = lamp.node_tree
+    node = tree.nodes.new("ShaderNodeTexIES")
+    if isinstance(text, Path):
+        node.mode, node.filepath = 'EXTERNAL', str(text)
+    else:
+        node.mode, node.ies = 'INTERNAL', bpy.data.texts.new("IES")
+        node.ies.from_string(text)
+    tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+    stage.show(bpy.data.objects.new("IES", lamp), turned or Matrix())
+    return lamp
+
+
+def read(stage: Stage, model: Any = "cycles") -> Light | None:
+    evaluated = stage.light.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    matrix = np.array(evaluated.matrix_world)
+    record = light_record(evaluated, "IES", matrix, unit_scale_m=1.0, version=bpy.app.version)
+    assert not record.unknown
+    return light_from_record(record, model)
+
+
+def assert_as_cycles(stage: Stage) -> None:
+    light = read(stage)
+    assert light is not None
+    assert_same(stage, light, RECEIVERS, SINGLE_PRECISION)
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_texts_mean_what_cycles_makes_of_them(stage: Stage, name: str) -> None:
+    light_of(stage, TEXTS[name])
+    if name == "one-angle":
+        dark = read(stage)
+        assert dark is not None and not dark.radiant_flux().any()
+        assert not stage.irradiance(*RECEIVERS[0])[0].any()
+        return
+    assert_as_cycles(stage)
+    light = read(stage)
+    expected = {"unreadable": "unreadable", "too-short": "unreadable"}.get(name)
+    expected = "mirrored" if name in HANDED else expected
+    if name == "axial" and bpy.app.version < (5, 0):
+        expected = "seam"
+    assert light is not None and light.notes == ((f"ies-{expected}",) if expected else ())
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="needs the real files, which are not ours")
+@pytest.mark.parametrize(
+    "name",
+    [
+        "CU__1.IES", "CU__flood_2.1.IES", "LuxCore__ASA_15M_R2.ies", "RenderPipeline__vee.ies",
+        "RenderPipeline__trapezoid.ies", "eulumdat-rs__OutdoorRoadway_8988-2022.ies",
+        "photompy__type_a_symmetric.ies", "photompy__type_b_full.ies", "no-such-file.ies",
+    ],
+)  # fmt: skip
+def test_real_files(stage: Stage, name: str) -> None:
+    light_of(stage, DATA / "ies" / name, turned=Matrix.Rotation(-0.9, 4, 'X'))
+    assert_as_cycles(stage)
+
+
+def vector(kind: str, output: str, mapping: str = "") -> Any:
+    def link(tree: Any, node: Any) -> None:
+        source = tree.nodes.new(kind).outputs[output]
+        if mapping:
+            turn = tree.nodes.new("ShaderNodeMapping")
+            turn.vector_type = mapping
+            turn.inputs["Rotation"].default_value = (0.5, -0.7, 1.1)
+            turn.inputs["Scale"].default_value = (1, 2, 0.5)
+            tree.links.new(source, turn.inputs["Vector"])
+            source = turn.outputs[0]
+        tree.links.new(source, node.inputs["Vector"])
+
+    return link
+
+
+def multiplied(tree: Any, node: Any) -> None:
+    times = tree.nodes.new("ShaderNodeMath")
+    times.operation, times.inputs[0].default_value = 'MULTIPLY', 2.5
+    node.inputs["Strength"].default_value = 3.0
+    tree.links.new(node.outputs[0], times.inputs[1])
+    tree.links.new(times.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+
+
+NODES = {
+    "normal": vector("ShaderNodeTexCoord", "Normal"),
+    "incoming": vector("ShaderNodeNewGeometry", "Incoming"),
+    "multiplied": multiplied,
+    **{f"mapping-{m}": vector("ShaderNodeTexCoord", "Normal", m)
+       for m in ('POINT', 'TEXTURE', 'VECTOR', 'NORMAL')},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_how_the_texture_is_turned(stage: Stage, name: str) -> None:
+    lamp = light_of(stage, TEXTS["full"], turned=SCALED)
+    NODES[name](lamp.node_tree, lamp.node_tree.nodes["IES Texture"])
+    assert_as_cycles(stage)
+
+
+@pytest.mark.parametrize(
+    ("kind", "properties"),
+    [
+        ('POINT', {"shadow_soft_size": 0.3}),
+        ('POINT', {"shadow_soft_size": 0.3, "use_soft_falloff": False}),
+        ('SPOT', {"spot_size": 2.5, "spot_blend": 0.5}),
+        ('SPOT', {"spot_size": 2.5, "spot_blend": 0.5, "shadow_soft_size": 0.2}),
+        ('AREA', {"size": 0.4}),
+        ('AREA', {"size": 0.4, "shape": 'DISK', "spread": 2.0}),
+    ],
+)
+def test_lights_of_every_shape(stage: Stage, kind: str, properties: dict[str, Any]) -> None:
+    lamp = light_of(stage, TEXTS["full"], kind, TILTED)
+    for key, value in properties.items():
+        setattr(lamp, key, value)
+    assert_as_cycles(stage)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda lamp: setattr(lamp, "type", 'SUN'),
+        vector("ShaderNodeTexCoord", "Object"),
+        vector("ShaderNodeTexCoord", "Generated", "POINT"),
+    ],
+)
+def test_what_is_not_known_is_said(stage: Stage, change: Any) -> None:
+    lamp = light_of(stage, TEXTS["full"])
+    tree = lamp.node_tree
+    change(*([lamp] if change.__name__ == "<lambda>" else [tree, tree.nodes["IES Texture"]]))
+    lamp = stage.light.data
+    record = light_record(stage.light, "IES", np.eye(4), unit_scale_m=1.0, version=(4, 5, 0))
+    assert "IES Texture" in record.unknown
+
+
+@pytest.mark.parametrize("name", ["A-half", "B", "axial", "full"])
+def test_made_lights_shine_as_their_files_say(stage: Stage, name: str) -> None:
+    """C0 along +X, C90 along +Y, gamma 0 down, in candela: in Cycles, and in the physical model."""
+    stage.clear()
+    light = parse_photometry(smooth(name).encode(), "a")
+    stage.light = add_photometric_light(light)
+    stage.parent = stage.put(bpy.data.objects.new("Parent", None))
+    mine, declared = read(stage), read(stage, "physical")
+    assert mine is not None and declared is not None and mine.notes == ()
+    for d, receiver in zip(TOWARDS, RECEIVERS, strict=True):
+        candela = light.luminous_intensity(d[None])[0]
+        expected = candela / (1.5**2 * (d @ d))
+        assert ours(declared, *receiver)[0][0] * 683.002 == pytest.approx(expected, rel=2e-3)
+        assert stage.irradiance(*receiver)[0][0] * 177.83 == pytest.approx(expected, rel=2e-3)
+
+
+def smooth(name: str) -> str:
+    """Return a table in which a cubic, a line and a turned grid differ little."""
+    v = np.arange(-90 if name == "B" else 0, 181 if name in ("axial", "full") else 91, 2)
+    h = {"axial": np.zeros(1), "full": np.arange(0, 361, 5)}.get(name, v)
+    a, b = np.radians(np.meshgrid(h, v, indexing="ij"))
+    turned = np.cos(a) * np.cos(b) * (1.0 + 0.5 * np.sin(b) * (name == "B"))
+    if name in ("axial", "full"):
+        turned = np.cos(b) + np.sin(b) * np.cos(a - 0.7) * (name == "full")
+    kind = {"A-half": 3, "B": 2}.get(name, 1)
+    rows = ["IESNA:LM-63-2002", "TILT=NONE", f"1 -1 1 {len(v)} {len(h)} {kind} 1 0 0 0", "1 1 50"]
+    rows += (" ".join(f"{x:.9g}" for x in row) for row in (v, h, *(1000.0 + 300.0 * turned)))
+    return "\n".join(rows) + "\n"
