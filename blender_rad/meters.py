@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .direct import DirectLight
-from .emitters import Emitter, emitters
+from .emitters import emitters
 from .errors import Finding, RadError
 from .rendering import Settings, render
 from .sampling import MAX_POINTS, Points
