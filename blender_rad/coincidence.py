@@ -34,7 +34,7 @@ REACH = 64  # of a point's epsilon, from where it is looked at
 # Of a point's epsilon: measured, Cycles confuses faces up to 0.05 to 0.15 of it.
 BEHIND = 0.25
 PARALLEL = 1.0 - 1e-6  # cosine of planes that stay together
-RAYS, MORE_RAYS = 4, 16  # through a pixel
+RAYS, MORE_RAYS = 4, 64  # through a pixel
 BATCH = 65536  # rays
 
 
