@@ -40,3 +40,7 @@ class Finding:
     object: str
     message: str
     effect_percent: float | None = None
+
+    def __str__(self) -> str:
+        about = f" {self.object}:" if self.object else ""
+        return f"{self.severity}:{about} {self.message} [{self.code}]"

@@ -26,11 +26,9 @@ class MeterCommand(EngineCommand):
 
     def lux_meter(self) -> tuple[Any, LuxMeter]:
         """Open the file; return its bpy.types.Scene and a meter for it."""
-        from ..bpy_io.read import read_scene
         from ..meters import LuxMeter
 
-        bl_scene = self.open(self.file, self.frame, need_camera=False)
-        scene = read_scene(bl_scene, model=self.model)
+        bl_scene, scene = self.read(self.frame)
         return bl_scene, LuxMeter(
             scene, efficacy=self.efficacy, error=self.error, threads=self.threads
         )

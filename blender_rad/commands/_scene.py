@@ -73,6 +73,15 @@ class ModelCommand(SceneCommand):
         metavar="cycles|physical",
     )
 
+    def read(
+        self, frame: int | None, *, need_camera: bool = False, **options: Any
+    ) -> tuple[Any, Scene]:
+        """Open the file and return its bpy.types.Scene, and what we read from it."""
+        from ..bpy_io.read import read_scene
+
+        bl_scene = self.open(self.file, frame, need_camera=need_camera)
+        return bl_scene, read_scene(bl_scene, model=self.model, **options)
+
 
 @dataclass(frozen=True, kw_only=True)
 class EngineCommand(ModelCommand):
@@ -95,11 +104,8 @@ class PictureCommand(EngineCommand):
         metavar="full|clay",
     )
 
-    def read(self, frame: int | None, *, need_camera: bool) -> tuple[Any, Scene]:
-        """Open the file and return its bpy.types.Scene, and what we read from it."""
-        from ..bpy_io.read import read_scene
-
-        bl_scene = self.open(self.file, frame, need_camera=need_camera)
-        return bl_scene, read_scene(
-            bl_scene, shading=self.shading, model=self.model, resolution=self.resolution
-        )
+    def read(
+        self, frame: int | None, *, need_camera: bool = True, **options: Any
+    ) -> tuple[Any, Scene]:
+        own = {"shading": self.shading, "resolution": self.resolution}
+        return super().read(frame, need_camera=need_camera, **own, **options)

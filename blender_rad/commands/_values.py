@@ -24,126 +24,104 @@ RESOLUTION_LIMIT = 65_536  # Blender's own
 SCENE_SUFFIX = re.compile(r"\.(blend\d*|glb|gltf)", re.IGNORECASE)
 
 
-def text(value: Any) -> str:
-    """Return a name as it is; an empty one is not a name."""
-    if not isinstance(value, str) or not value:
-        raise ValueError("a name")
-    return value
+def _parser(
+    expected: str,
+    convert: Callable[[Any], Any],
+    allowed: Callable[[Any], object] = lambda result: True,
+) -> Parse:
+    """Return a parser: `convert`, and what it gives is `allowed`, or `expected` is said."""
+
+    def parse(value: Any) -> Any:
+        try:
+            result = convert(value)
+        except (ValueError, TypeError, OverflowError):
+            raise ValueError(expected) from None
+        if not allowed(result):
+            raise ValueError(expected)
+        return result
+
+    return parse
+
+
+def _split(value: Any, mark: str = ",") -> list[Any]:
+    return re.split(mark, value, flags=re.IGNORECASE) if isinstance(value, str) else list(value)
+
+
+text = _parser("a name", lambda value: value, lambda name: isinstance(name, str) and name)
 
 
 def choice(*names: str) -> Parse:
     """Return a parser of one of `names`."""
-
-    def parse(value: Any) -> str:
-        if value not in names:
-            raise ValueError(f"one of: {', '.join(names)}")
-        return str(value)
-
-    return parse
+    return _parser(f"one of: {', '.join(names)}", str, names.__contains__)
 
 
 def names(*known: str) -> Parse:
     """Return a parser of a comma-separated list, each of `known` where these are given."""
     expected = f"a comma-separated list of: {', '.join(known)}" if known else "names with commas"
-
-    def parse(value: Any) -> tuple[str, ...]:
-        entries = value.split(",") if isinstance(value, str) else list(value)
-        entries = tuple(str(entry).strip() for entry in entries)
-        if not entries or not all(entries) or (known and not set(entries) <= set(known)):
-            raise ValueError(expected)
-        return tuple(dict.fromkeys(entries))
-
-    return parse
+    return _parser(
+        expected,
+        lambda value: tuple(dict.fromkeys(str(entry).strip() for entry in _split(value))),
+        lambda entries: entries and all(entries) and not (known and set(entries) - set(known)),
+    )
 
 
 def integer(low: int, high: int | None = None) -> Parse:
     """Return a parser of a whole number, both ends included."""
     expected = f"a whole number of at least {low}" + ("" if high is None else f", at most {high}")
-
-    def parse(value: Any) -> int:
-        try:
-            number = int(value) if isinstance(value, str) else operator.index(value)
-        except (ValueError, TypeError):
-            raise ValueError(expected) from None
-        if number < low or (high is not None and number > high):
-            raise ValueError(expected)
-        return number
-
-    return parse
+    return _parser(
+        expected,
+        lambda value: int(value) if isinstance(value, str) else operator.index(value),
+        lambda result: low <= result <= (math.inf if high is None else high),
+    )
 
 
 def number(low: float = -math.inf, high: float = math.inf, *, closed: bool = False) -> Parse:
     """Return a parser of a finite number, both ends excluded unless `closed`."""
     limits = [f"above {low:g}"] * (low > -math.inf) + [f"below {high:g}"] * (high < math.inf)
-    words = [f"{low:g} to {high:g}"] if closed else [" and ".join(limits)]
-    expected = " ".join(["a number", *words]).strip()
-
-    def parse(value: Any) -> float:
-        try:
-            result = float(value)
-        except (ValueError, TypeError):
-            raise ValueError(expected) from None
-        inside = low <= result <= high if closed else low < result < high
-        if not (math.isfinite(result) and inside):
-            raise ValueError(expected)
-        return result
-
-    return parse
+    words = f"{low:g} to {high:g}" if closed else " and ".join(limits)
+    return _parser(
+        f"a number {words}".strip(),
+        float,
+        lambda x: math.isfinite(x) and (low < x < high or (closed and x in {low, high})),
+    )
 
 
 def vector(length: int) -> Parse:
     """Return a parser of `length` finite numbers with commas between them."""
-    expected = f"{length} numbers with commas between them"
-
-    def parse(value: Any) -> tuple[float, ...]:
-        entries = value.split(",") if isinstance(value, str) else list(value)
-        try:
-            result = tuple(float(entry) for entry in entries)
-        except (ValueError, TypeError):
-            raise ValueError(expected) from None
-        if len(result) != length or not all(map(math.isfinite, result)):
-            raise ValueError(expected)
-        return result
-
-    return parse
+    return _parser(
+        f"{length} numbers with commas between them",
+        lambda value: tuple(map(float, _split(value))),
+        lambda result: len(result) == length and all(map(math.isfinite, result)),
+    )
 
 
-def resolution(value: Any) -> tuple[int, int]:
-    """Return (width, height) of ``WIDTHxHEIGHT`` in pixels."""
-    entries = value.lower().split("x") if isinstance(value, str) else list(value)
-    try:
-        width, height = (integer(1, RESOLUTION_LIMIT)(entry) for entry in entries)
-    except (ValueError, TypeError):
-        raise ValueError(f"WIDTHxHEIGHT in pixels, each 1 to {RESOLUTION_LIMIT}") from None
-    return width, height
+# (width, height) of ``WIDTHxHEIGHT`` in pixels
+resolution = _parser(
+    f"WIDTHxHEIGHT in pixels, each 1 to {RESOLUTION_LIMIT}",
+    lambda value: tuple(map(integer(1, RESOLUTION_LIMIT), _split(value, "x"))),
+    lambda size: len(size) == 2,
+)
 
 
-def frame_range(value: Any) -> tuple[int, int]:
-    """Return (first, last) of ``A-B``, or of a single frame."""
-    expected = f"FIRST-LAST, or one frame, within {-FRAME_LIMIT} to {FRAME_LIMIT}"
+def _frames(value: Any) -> tuple[int, ...]:
     if isinstance(value, str):
         match = re.fullmatch(r"(-?\d+)(?:-(-?\d+))?", value)
-        if match is None:
-            raise ValueError(expected)
-        value = (match[1], match[2] or match[1])
-    try:
-        first, last = (integer(-FRAME_LIMIT, FRAME_LIMIT)(entry) for entry in value)
-    except (ValueError, TypeError):
-        raise ValueError(expected) from None
-    if first > last:
-        raise ValueError(expected)
-    return first, last
+        value = (match[1], match[2] or match[1]) if match else ()
+    return tuple(map(integer(-FRAME_LIMIT, FRAME_LIMIT), value))
 
 
-def efficacy(value: Any) -> float:
-    """Return the luminous efficacy [lm/W] that is named or given."""
-    if isinstance(value, str) and value in EFFICACIES_LM_W:
-        return EFFICACIES_LM_W[value]
-    try:
-        return number(0)(value)
-    except ValueError:
-        listed = ", ".join(EFFICACIES_LM_W)
-        raise ValueError(f"one of: {listed}, or a number of lm/W above 0") from None
+# (first, last) of ``A-B``, or of a single frame
+frame_range = _parser(
+    f"FIRST-LAST, or one frame, within {-FRAME_LIMIT} to {FRAME_LIMIT}",
+    _frames,
+    lambda frames: len(frames) == 2 and frames[0] <= frames[1],
+)
+
+# the luminous efficacy [lm/W] that is named or given
+efficacy = _parser(
+    f"one of: {', '.join(EFFICACIES_LM_W)}, or a number of lm/W above 0",
+    lambda value: EFFICACIES_LM_W[value] if value in EFFICACIES_LM_W else number(0)(value),
+)
 
 
 def scene_file(value: Any) -> Path:

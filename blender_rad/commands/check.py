@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..bpy_io.witness import CyclesWitness
-    from ..checking import Check, Result, Terms
+    from ..checking import Check, Result
     from ..scene import Scene
 
 SCHEMA = 1
@@ -111,16 +111,21 @@ class CheckOptions(PictureCommand, verb="check"):
 
     def _one(self, frame: int | None, folder: Path | None) -> dict[str, Any]:
         """Compare one frame, write its report, and return its document."""
-        from ..checking import Check
+        from ..checking import Check, Terms
         from ..report.document import build_document
 
         started = time.perf_counter()
-        bl_scene, scene = self.read(frame, need_camera=True)
+        bl_scene, scene = self.read(frame)
         pictures = self._pictures(scene)
         if folder:
-            _make_folder(folder)
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                said = f"expected a folder that can be made ({error.strerror})"
+                raise RadError("cannot write there", str(folder), said) from None
         read = time.perf_counter() - started
-        check = Check(scene, self._terms())
+        terms = Terms(self.tolerance, self.confidence, self.samples, self.threads, self.exposure)
+        check = Check(scene, terms)
         witness, result = self._compare(check, bl_scene, scene, pictures)
         document = build_document(
             scene,
@@ -135,17 +140,6 @@ class CheckOptions(PictureCommand, verb="check"):
         if folder:
             self._write(folder, document, scene, result)
         return document
-
-    def _terms(self) -> Terms:
-        from ..checking import Terms
-
-        return Terms(
-            tolerance=self.tolerance,
-            confidence=self.confidence,
-            samples=self.samples,
-            threads=self.threads,
-            film_exposure=self.exposure,
-        )
 
     def _pictures(self, scene: Scene) -> list[NDArray[np.float32]]:
         """Return the pictures to judge, each (h, w, 3)."""
@@ -232,14 +226,6 @@ def _kept_settings(witness: CyclesWitness | None) -> list[Finding]:
     ]
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        said = f"expected a folder that can be made ({error.strerror})"
-        raise RadError("cannot write there", str(folder), said) from None
-
-
 def _rgb(image: Any) -> dict[str, Any]:
     return {letter: image[..., k] for k, letter in enumerate("RGB")}
 
@@ -266,7 +252,4 @@ def _table(document: dict[str, Any]) -> str:
         lines.append(f"{light['name']:{width}}  {light['type']:5}  {share}  {known:15}  {verdict}")
     fraction = document["coverage"]["supported_pixel_fraction"]
     lines += ["", f"{100 * fraction:.1f} % of the picture is compared"]
-    for finding in document["findings"]:
-        about = f" {finding['object']}:" if finding["object"] else ""
-        lines.append(f"{finding['severity']}:{about} {finding['message']}")
-    return "\n".join(lines)
+    return "\n".join([*lines, *(str(Finding(**finding)) for finding in document["findings"])])

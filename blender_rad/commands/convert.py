@@ -17,6 +17,7 @@ from ._base import Command, Outcome, option
 EXPOSURE = re.compile(r"f/([\d.]+),([\d./]+),ISO(\d+)", re.IGNORECASE)
 AMOUNT = f"a number, {', '.join(PRESETS)}, or an exposure as f/8,1/125,ISO100"
 SHAPE = ("distance", "area", "radius", "cone", "blend", "spread", "angle", "duration")
+ANGLES = {"cone", "spread", "angle"}
 
 
 def amount(value: Any) -> tuple[float, str | None]:
@@ -36,11 +37,7 @@ def amount(value: Any) -> tuple[float, str | None]:
 class ConvertOptions(Command, verb="convert"):
     """Convert light from unit to unit, through the emitter's shape and its spectrum.
 
-    Attributes
-    ----------
-    value : with the unit of its own that a preset or an exposure has.
-    cone, spread, angle : full angles [degrees].
-    limits : [nm], between which the spectrum's watts are counted.
+    Angles are full ones in degrees; `limits` are those between which the spectrum's watts count.
     """
 
     value: tuple[float, str | None] = option(amount, AMOUNT, metavar="VALUE", positional=True)
@@ -83,10 +80,8 @@ class ConvertOptions(Command, verb="convert"):
         value, own = self.value
         if own not in (None, self.unit):
             raise RadError(f"this value is not in {self.unit}", "UNIT", f"expected {own}")
-        given = {name: getattr(self, name) for name in SHAPE if getattr(self, name) is not None}
-        shape = given | {
-            name: math.radians(given[name]) for name in ("cone", "spread", "angle") if name in given
-        }
+        shape = {name: getattr(self, name) for name in SHAPE if getattr(self, name) is not None}
+        shape |= {name: math.radians(shape[name]) for name in ANGLES & shape.keys()}
         light = spectrum(self.spectrum, self.limits) if self.spectrum else None
         result = convert(
             value,
@@ -96,7 +91,7 @@ class ConvertOptions(Command, verb="convert"):
             shape=shape,
             light=light or self.efficacy,
         )
-        quantity, came = unit_named(self.to).quantity.name, unit_named(self.unit).quantity.name
+        came, quantity = (unit_named(unit).quantity.name for unit in (self.unit, self.to))
         document = {
             "value": result.value,
             "unit": self.to,
@@ -104,15 +99,7 @@ class ConvertOptions(Command, verb="convert"):
             "from": {"value": value, "unit": self.unit, "quantity": came},
             "efficacy_lm_W": result.efficacy_lm_W,
             "formula": result.formula,
-            "spectrum": light
-            and {
-                "name": light.name,
-                "limits_nm": light.limits_nm,
-                "photons_per_J": light.photons_per_J(),
-                "correlated_colour_temperature_K": light.colour.temperature_K,
-                "duv": light.colour.duv,
-                "colour_rendering_index": light.colour.rendering_index,
-            },
+            "spectrum": light and light.described(),
         }
         words = quantity.replace("_", " ")
         return Outcome(document, f"{result.value:.7g} {self.to} {words}\n  {result.formula}")

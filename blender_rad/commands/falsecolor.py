@@ -93,5 +93,5 @@ class FalsecolorOptions(Command, verb="falsecolor"):
             "findings": light.findings,
         }
         text = [f"{self.output}: {self.quantity}, {low:g} to {high:g} {light.unit}"]
-        text += [f"{f.severity}: {f.code}: {f.message}" for f in light.findings]
+        text += map(str, light.findings)
         return Outcome(document, "\n".join(text))

@@ -28,11 +28,9 @@ class LightsOptions(ModelCommand, verb="lights"):
     """List what each light, mesh emitter and world truly emits, in W, lm, cd, cd/m² and lx."""
 
     def run(self) -> Outcome:
-        from ..bpy_io.read import read_scene
         from ..inspection import inspect_lights
 
-        bl_scene = self.open(self.file, self.frame, need_camera=False)
-        scene = read_scene(bl_scene, model=self.model)
+        _, scene = self.read(self.frame)
         rows, findings = inspect_lights(scene, self.efficacy)
         document = {
             "lights": rows,
@@ -68,7 +66,7 @@ def _text(rows: list[dict[str, Any]], document: dict[str, Any], findings: list[F
             notes.setdefault(note, []).append(row["name"])
     lines += [f"- {_listed(names, len(rows))}: {note}" for note, names in notes.items()]
     others = [finding for finding in findings if finding.message not in notes]
-    return "\n".join([*lines, *(f"{f.severity}: {f.object} {f.message}" for f in others)])
+    return "\n".join([*lines, *map(str, others)])
 
 
 def _padded(column: tuple[str, ...], *, left: bool) -> list[str]:

@@ -266,9 +266,9 @@ def _pairs(first: tuple[Any, ...], second: tuple[Any, ...], where: str) -> None:
 
 def _text(document: dict[str, Any]) -> str:
     """Return a table for people."""
-    lines = [f"{f.severity}: {f.object} {f.message}" for f in document["findings"]]
     grid, meters = document["grid"], document["meters"]
-    return "\n".join([*lines, *(_grid_lines(grid, meters) if grid else _meter_lines(meters))])
+    lines = _grid_lines(grid, meters) if grid else _meter_lines(meters)
+    return "\n".join([*map(str, document["findings"]), *lines])
 
 
 def _meter_lines(meters: list[dict[str, Any]]) -> list[str]:

@@ -119,5 +119,4 @@ def _text(document: dict[str, Any], file: Path) -> str:
     opening = document["luminous_opening_m"]
     size = f"{opening.along_c0:.4g} × {opening.along_c90:.4g} × {opening.height:.4g}"
     lines.append(f"  {'luminous_opening_m':29} {opening.shape}, {size}")
-    lines += [f"{f.severity}: {f.code}: {f.message}" for f in document["findings"]]
-    return "\n".join(lines)
+    return "\n".join([*lines, *map(str, document["findings"])])

@@ -67,7 +67,7 @@ class RenderOptions(PictureCommand, verb="render"):
         from ..report.document import coverage
 
         clock = [time.perf_counter()]
-        _, scene = self.read(self.frame, need_camera=True)
+        _, scene = self.read(self.frame)
         clock.append(time.perf_counter())
         light = DirectLight(scene)
         clock.append(time.perf_counter())
@@ -132,5 +132,4 @@ def _text(document: dict[str, Any]) -> str:
         f"{document['output']}: {samples:.1f} samples a pixel",
         f"relative standard error {100 * error:.2g} %, {fraction:.1f} % of the picture supported",
     ]
-    lines += [f"{f.severity}: {f.object} {f.message}" for f in document["findings"]]
-    return "\n".join(lines)
+    return "\n".join([*lines, *map(str, document["findings"])])

@@ -129,7 +129,7 @@ class SolveOptions(MeterCommand, verb="solve"):
 
 def _text(document: dict[str, Any]) -> str:
     """Return tables for people."""
-    lines = [f"{f.severity}: {f.object} {f.message}" for f in document["findings"]]
+    lines = [str(finding) for finding in document["findings"]]
     for light in document["lights"]:
         power = light["blender_energy"]
         new = "" if power is None else f", energy or strength {power:.6g}"
