@@ -24,17 +24,16 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RadError, unknown_name
 from .lights._emission import RANGE_K
-from .quantities import K_M, LIGHT_SPEED, PLANCK
+from .quantities import K_M, LIGHT_SPEED, PHOTOSYNTHETIC_NM, PLANCK
 
 Array = NDArray[np.float64]
 Limits = tuple[float, float]
@@ -46,14 +45,6 @@ SECOND_RADIATION = 1.438776877e7  # nm K, hc/k
 LARGEST_DUV = 0.05  # beyond it CIE 15 gives a colour no temperature
 WHERE = "--spectrum"
 FORMS = "blackbody:K, temperature:K, laser:NM, rgb:R,G,B or FILE.csv"
-
-
-class Colour(NamedTuple):
-    """Correlated temperature [K], distance from the Planckian locus (CIE 1960), CIE R_a."""
-
-    temperature_K: float | None  # noqa: N815 - the unit's own spelling
-    duv: float | None
-    rendering_index: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,18 +90,30 @@ class Spectrum:
         """Return photons of wavelengths `within` a joule, ∫ S λ dλ / (hc ∫ S dλ)."""
         return self._per_watt(self.wavelengths * NM / (PLANCK * LIGHT_SPEED), within)
 
-    @cached_property
-    def colour(self) -> Colour:
-        """Correlated temperature, Duv and R_a; None where the colour is too far from white."""
-        observer = _observer(self.wavelengths)
-        temperature, duv = colour_temperature([self._per_watt(bar) for bar in observer.T])
-        if temperature is None:
-            return Colour(None, None, None)
-        grid = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + 1.0, 5.0)
-        values = np.interp(grid, self.wavelengths, self.density, left=0.0, right=0.0)
-        colour = _colour()
-        rendering = colour.colour_rendering_index(colour.SpectralDistribution(values, grid))
-        return Colour(temperature, duv, float(rendering))
+    def described(self) -> dict[str, object]:
+        """Return limits, efficacy, photons, correlated temperature, Duv and CIE R_a, by JSON key.
+
+        The last three are None where the colour is too far from white.
+        """
+        temperature, duv = colour_temperature(
+            [self._per_watt(bar) for bar in _observer(self.wavelengths).T]
+        )
+        rendering = None
+        if temperature is not None:
+            grid = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + 1.0, 5.0)
+            values = np.interp(grid, self.wavelengths, self.density, left=0.0, right=0.0)
+            table = _colour().SpectralDistribution(values, grid)
+            rendering = float(_colour().colour_rendering_index(table))
+        return {
+            "name": self.name,
+            "limits_nm": self.limits_nm,
+            "efficacy_lm_W": self.efficacy_lm_W,
+            "photons_per_J": self.photons_per_J(),
+            "photosynthetic_photons_per_J": self.photons_per_J(PHOTOSYNTHETIC_NM),
+            "correlated_colour_temperature_K": temperature,
+            "duv": duv,
+            "colour_rendering_index": rendering,
+        }
 
 
 def luminous_efficacy(name: str, limits: Limits | None = None) -> float:

@@ -97,13 +97,6 @@ Shape = Mapping[str, float]  # metres, m², seconds and radians, by the name of 
 Relation = Callable[[Shape], tuple[str, float]]
 
 
-class Emitter(NamedTuple):
-    """What an emitter may be given, and its quantities by form."""
-
-    takes: tuple[str, ...]
-    relations: Mapping[str, Relation]
-
-
 def _from_ball(shape: Shape) -> tuple[str, float]:
     """Return I/d², which holds while all of the ball shines on the point."""
     c = math.cos(0.5 * shape.get("cone", math.pi))
@@ -143,51 +136,36 @@ def _sun_radiance(shape: Shape) -> tuple[str, float]:
     return "E = π sin²(angle/2) L", 1.0 / (math.pi * math.sin(0.5 * shape["angle"]) ** 2)
 
 
-def _given(text: str, factor: float) -> Relation:
-    return lambda _: (text, factor)
+def _times(text: str, factor: float, name: str = "", power: int = 1) -> Relation:
+    """Return the relation factor · option^power."""
+    return lambda shape: (text, factor * (shape[name] ** power if name else 1.0))
 
 
-def _lacking(*names: str) -> Relation:
-    def relation(_: Shape) -> tuple[str, float]:
-        raise KeyError(*names)
-
-    return relation
-
-
-_REST = _given("", 1.0)
-_BALL: dict[str, Relation] = {
-    "intensity": _REST,
+_BALL = {
+    "intensity": _times("", 1.0),
     "irradiance": _from_ball,
-    "radiance": lambda s: ("L = I/(πr²)", 1.0 / (math.pi * s["radius"] ** 2)),
+    "radiance": _times("L = I/(πr²)", 1.0 / math.pi, "radius", -2),
 }
-_PLATE: dict[str, Relation] = {
-    "intensity": _REST,
+_POINT = _BALL | {"flux": _times("Φ = 4π I", 4.0 * math.pi)}
+_PLATE = {
+    "intensity": _times("", 1.0),
     "irradiance": _from_disc,
-    "radiance": lambda s: ("L = I/A", 1.0 / s["area"]),
+    "radiance": _times("L = I/A", 1.0, "area", -1),
 }
-_LIT: dict[str, Relation] = {"irradiance": _REST, "flux": lambda s: ("Φ = E A", s["area"])}
-_BARE = _LIT | {"intensity": lambda s: ("E = I/d²", s["distance"] ** 2)}
-_POINT = _BALL | {"flux": _given("Φ = 4π I", 4.0 * math.pi)}
-_TWO_FACED = _PLATE | {"flux": _given("Φ = 2π I", 2.0 * math.pi)}
-EMITTERS = {
-    "point": Emitter(("distance", "radius"), _POINT),
-    "sphere": Emitter(("distance", "radius"), _POINT),
-    "spot": Emitter(("distance", "radius", "cone", "blend"), _BALL | {"flux": _spot_flux}),
-    "area": Emitter(("distance", "area", "spread"), _PLATE | {"flux": _area_flux}),
-    "mesh": Emitter(("distance", "area"), _TWO_FACED),
-    "sun": Emitter(("angle", "area"), _LIT | {"radiance": _sun_radiance}),
-    "sky": Emitter(("area",), _LIT | {"radiance": _given("E = π L", 1.0 / math.pi)}),
+_LIT = {"irradiance": _times("", 1.0), "flux": _times("Φ = E A", 1.0, "area")}
+# What each may be given, and its quantities by form; None is no emitter.
+EMITTERS: dict[str | None, tuple[tuple[str, ...], Mapping[str, Relation]]] = {
+    None: (("distance", "area"), _LIT | {"intensity": _times("E = I/d²", 1.0, "distance", 2)}),
+    "point": (("distance", "radius"), _POINT),
+    "sphere": (("distance", "radius"), _POINT),
+    "spot": (("distance", "radius", "cone", "blend"), _BALL | {"flux": _spot_flux}),
+    "area": (("distance", "area", "spread"), _PLATE | {"flux": _area_flux}),
+    "mesh": (("distance", "area"), _PLATE | {"flux": _times("Φ = 2π I", 2.0 * math.pi)}),
+    "sun": (("angle", "area"), _LIT | {"radiance": _sun_radiance}),
+    "sky": (("area",), _LIT | {"radiance": _times("E = π L", 1.0 / math.pi)}),
 }
-_NO_EMITTER = Emitter(("distance", "area"), _BARE)
 _ANGLE = (math.pi, "degrees above 0, up to 180")
 _RANGES = {"cone": _ANGLE, "spread": _ANGLE, "angle": _ANGLE, "blend": (1.0, "0 to 1")}
-_WORDS = {
-    "emitter": "an emitter, for its solid angle",
-    "cone": "a cone, for its solid angle",
-    "angle": "an angle, for its solid angle",
-    "area": "an area",
-    "spectrum": "a spectrum (or, from W to lm, an --efficacy)",
-}
 
 
 class Conversion(NamedTuple):
@@ -220,19 +198,19 @@ def convert(
     Parameters
     ----------
     unit, to : of `UNITS`.
-    emitter : of `EMITTERS`; None for relations that need none.
+    emitter : of `EMITTERS`.
     shape : of the emitter and its place, by name, each above 0 (blend may be 0).
     light : a spectrum, or a luminous efficacy [lm/W] by convention.
 
     Raises
     ------
     RadError
-        For what is unknown, below 0 or not finite, and for what is missing, by name.
+        For what is unknown, out of range or not finite, and for what is missing, by name.
     """
     source, target, shape = unit_named(unit), unit_named(to), shape or {}
     if not math.isfinite(value) or (value < 0.0 and not source.stops):
         raise RadError(f"{value:g} {unit} is no amount of light", "VALUE", "expected 0 or more")
-    _refuse_unused(emitter, shape)
+    _check(emitter, shape)
     texts, missing, result = [source.definition], list[str](), math.nan
     try:
         result = source.to_si(value)
@@ -241,7 +219,7 @@ def convert(
                 try:
                     text, factor = relation(shape)
                 except KeyError as lacking:
-                    missing += lacking.args
+                    missing += [name for name in lacking.args if name not in missing]
                 else:
                     texts.append(text)
                     result *= factor**sign
@@ -249,10 +227,10 @@ def convert(
     except ArithmeticError:
         result = math.nan
     if missing:
-        names = list(dict.fromkeys(missing))
-        needs = " and ".join(_WORDS.get(name, f"a {name}") for name in names)
-        options = ", ".join(f"--{name}" for name in names)
-        raise RadError(f"{unit} to {to} needs {needs}", options, "expected with it, see --help")
+        options = ", ".join(f"--{name}" for name in missing)
+        angular = ("emitter", "cone", "angle")
+        words = " and ".join(name + " (solid angle)" * (name in angular) for name in missing)
+        raise RadError(f"{unit} to {to} needs: {words}", options, "expected with it, see --help")
     if not math.isfinite(result):
         what = f"{value:g} {unit} is no finite number of {to}"
         raise RadError(what, "VALUE", "expected another value, shape or spectrum")
@@ -261,10 +239,11 @@ def convert(
     return Conversion(result, known, formula or f"1 {unit} = 1 {to}")
 
 
-def _refuse_unused(emitter: str | None, shape: Shape) -> None:
+def _check(emitter: str | None, shape: Shape) -> None:
+    """Raise for an unknown emitter, for what it has not, and for what is out of range."""
     if emitter and emitter not in EMITTERS:
-        raise unknown_name("emitter", emitter, "--emitter", list(EMITTERS))
-    takes = (*(EMITTERS[emitter] if emitter else _NO_EMITTER).takes, "duration")
+        raise unknown_name("emitter", emitter, "--emitter", [name for name in EMITTERS if name])
+    takes = (*EMITTERS[emitter][0], "duration")
     for name, value in shape.items():
         if name not in takes:
             what = f"{emitter or 'no emitter'} has no {name}"
@@ -280,35 +259,35 @@ def _by_kind(end: Unit, other: Unit, light: Spectrum | float | None) -> list[Rel
     counting = kinds == {"photon", "photosynthetic"} and not isinstance(light, Spectrum)
     if len(kinds) == 1 or end.kind == "radiant" or counting:
         return []
-    if light is None or (end.kind != "luminous" and not isinstance(light, Spectrum)):
-        return [_lacking("spectrum")]
-    if not isinstance(light, Spectrum):
-        return [_given(f"X_v = K X_e, K = {light:.6g} lm/W by convention", light)]
-    if end.kind == "luminous":
-        factor, text = light.efficacy_lm_W, "X_v = K X_e, K = {:.6g} lm/W ({})"
-    elif end.kind == "photon":
-        factor, text = light.photons_per_J(), "X_p = n X_e, n = {:.6g}/J ({})"
-    else:
-        factor = light.photons_per_J(PHOTOSYNTHETIC_NM)
-        text = "X_p = n X_e, n = {:.6g}/J of 400–700 nm ({})"
-    return [_given(text.format(factor, light.title), factor)]
+    if isinstance(light, Spectrum):
+        if end.kind == "luminous":
+            factor, text = light.efficacy_lm_W, "X_v = K X_e, K = {:.6g} lm/W ({})"
+        elif end.kind == "photon":
+            factor, text = light.photons_per_J(), "X_p = n X_e, n = {:.6g}/J ({})"
+        else:
+            factor = light.photons_per_J(PHOTOSYNTHETIC_NM)
+            text = "X_p = n X_e, n = {:.6g}/J of 400–700 nm ({})"
+        return [_times(text.format(factor, light.title), factor)]
+    if light is None or end.kind != "luminous":
+        return [_times("", 1.0, "spectrum")]
+    return [_times(f"X_v = K X_e, K = {light:.6g} lm/W by convention", light)]
 
 
 def _by_form(end: Unit, other: Unit, emitter: str | None, shape: Shape) -> list[Relation]:
     """Return what leads from that on which the emitter rests to `end`; energy is flux times t."""
     form, away = ("flux" if unit.form == "energy" else unit.form for unit in (end, other))
-    time: list[Relation] = [lambda s: ("Q = Φ t", s["duration"])]
-    steps = time if end.form == "energy" != other.form else []
+    steps = [_times("Q = Φ t", 1.0, "duration")] if end.form == "energy" != other.form else []
     if form == away:
         return steps
     pair = {form, away}
-    bare = pair == {"irradiance", "flux"} and "area" in shape
-    if not emitter and not bare and pair != {"irradiance", "intensity"}:
+    bare = pair == {"irradiance", "intensity"} or (
+        pair == {"irradiance", "flux"} and "area" in shape
+    )
+    if not emitter and not bare:
         return [
-            _lacking("emitter", *["distance"] * ("irradiance" in pair and "distance" not in shape))
+            _times("", 1.0, name) for name in ("emitter", *["distance"] * ("irradiance" in pair))
         ]
-    relations = (EMITTERS[emitter] if emitter else _NO_EMITTER).relations
-    if form not in relations:
+    if form not in EMITTERS[emitter][1]:
         what = f"{emitter} has no {end.quantity.name}"
         raise RadError(what, "--emitter", "expected another emitter")
-    return [*steps, relations[form]]
+    return [*steps, EMITTERS[emitter][1][form]]

@@ -49,25 +49,25 @@ def test_luminous_efficacy(name: str, limits: Limits | None, lm_W: float, rel: f
     ],
 )
 def test_colour(name: str, temperature: float, rendering: float) -> None:
-    colour = spectrum(name).colour
-    assert colour.temperature_K == pytest.approx(temperature, rel=1.5e-3)
-    assert colour.rendering_index == pytest.approx(rendering, abs=0.5)
+    light = spectrum(name).described()
+    assert light["correlated_colour_temperature_K"] == pytest.approx(temperature, rel=1.5e-3)
+    assert light["colour_rendering_index"] == pytest.approx(rendering, abs=0.5)
 
 
 def test_duv_and_what_has_no_temperature() -> None:
-    assert spectrum("blackbody:3000").colour.duv == pytest.approx(0.0, abs=2e-5)
-    assert spectrum("D65").colour.duv == pytest.approx(0.0032, abs=5e-5)  # daylight's locus
+    assert spectrum("blackbody:3000").described()["duv"] == pytest.approx(0.0, abs=2e-5)
+    assert spectrum("D65").described()["duv"] == pytest.approx(0.0032, abs=5e-5)  # daylight
     for name in ("laser:550", "rgb:1,0,0", "blackbody:700"):
-        assert spectrum(name).colour == (None, None, None)
+        assert spectrum(name).described()["correlated_colour_temperature_K"] is None
     assert colour_temperature([0.0, 0.0, 0.0]) == (None, None)
 
 
 @pytest.mark.parametrize("kelvin", [1500.0, 4000.0, 9000.0])
 def test_temperature_and_colour_are_blenders(kelvin: float) -> None:
     r, g, b = blackbody_rgb(kelvin) / 10.0
-    painted = spectrum(f"rgb:{r},{g},{b}").colour
-    assert painted.temperature_K == pytest.approx(kelvin, rel=0.02)
-    assert spectrum("temperature:99").efficacy_lm_W == luminous_efficacy("blackbody:800")
+    painted = spectrum(f"rgb:{r},{g},{b}").described()["correlated_colour_temperature_K"]
+    assert painted == pytest.approx(kelvin, rel=0.02)
+    assert luminous_efficacy("temperature:99") == luminous_efficacy("blackbody:800")
 
 
 def test_photons() -> None:

@@ -29,7 +29,7 @@ ROOM |= {"angle": 0.0093, "duration": 60.0}
 
 def shape_of(emitter: str, values: dict[str, float]) -> dict[str, float]:
     """Return those of `values` that the emitter takes."""
-    return {name: values[name] for name in (*EMITTERS[emitter].takes, "duration")}
+    return {name: values[name] for name in (*EMITTERS[emitter][0], "duration")}
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ shapes = st.fixed_dictionaries(
 @given(
     value=st.floats(1e-6, 1e6),
     units=st.lists(st.sampled_from(sorted(UNITS)), min_size=3, max_size=3),
-    emitter=st.sampled_from(sorted(EMITTERS)),
+    emitter=st.sampled_from([name for name in EMITTERS if name]),
     values=shapes,
     name=st.sampled_from(["D65", "LED-B3", "blackbody:2700", "laser:600"]),
 )
@@ -162,7 +162,7 @@ def test_inverses_agree_and_the_way_does_not_matter(
 ) -> None:
     one, two, three = units
     light, shape = spectrum(name), shape_of(emitter, values)
-    has = {"energy", *EMITTERS[emitter].relations}
+    has = {"energy", *EMITTERS[emitter][1]}
     assume(all(UNITS[unit].form in has for unit in units))
     assume("flux" in has or not {"energy"} & {UNITS[unit].form for unit in units})
 
@@ -195,18 +195,18 @@ def test_a_camera_puts_what_it_meters_at_middle_grey() -> None:
 @pytest.mark.parametrize(
     ("value", "units", "given", "words"),
     [
-        (1, "lm lx", {"emitter": "point"}, "needs a distance, --distance"),
-        (1, "lm cd/m2", {"emitter": "area"}, "needs an area, --area"),
-        (1, "lm cd/m2", {"emitter": "point"}, "needs a radius, --radius"),
-        (1, "lm cd", {}, "needs an emitter, for its solid angle, --emitter"),
-        (1, "lm cd", {"emitter": "spot"}, "solid angle, --cone"),
-        (1, "lx nit", {"emitter": "sun"}, "solid angle, --angle"),
-        (1, "lm lx", {}, "an emitter, .* and a distance"),
-        (1, "W lm", {}, "needs a spectrum"),
-        (1, "W photons/s", {"light": 683.0}, "needs a spectrum"),
-        (1, "lm umol/s", {"light": 683.0}, "needs a spectrum"),
-        (1, "W J", {}, "needs a duration"),
-        (1, "W lx", {"emitter": "point"}, "needs a spectrum .* and a distance"),
+        (1, "lm lx", {"emitter": "point"}, "needs: distance, --distance"),
+        (1, "lm cd/m2", {"emitter": "area"}, "needs: area, --area"),
+        (1, "lm cd/m2", {"emitter": "point"}, "needs: radius, --radius"),
+        (1, "lm cd", {}, r"solid angle\), --emitter"),
+        (1, "lm cd", {"emitter": "spot"}, r"solid angle\), --cone"),
+        (1, "lx nit", {"emitter": "sun"}, r"solid angle\), --angle"),
+        (1, "lm lx", {}, "emitter .* and distance"),
+        (1, "W lm", {}, "needs: spectrum"),
+        (1, "W photons/s", {"light": 683.0}, "needs: spectrum"),
+        (1, "lm umol/s", {"light": 683.0}, "needs: spectrum"),
+        (1, "W J", {}, "needs: duration"),
+        (1, "W lx", {"emitter": "point"}, "needs: spectrum and distance"),
         (1, "lx cd", {"emitter": "sun"}, "sun has no luminous_intensity"),
         (1, "lm cd", {"emitter": "point", "shape": {"cone": 1.0}}, "point has no cone"),
         (1, "lm cd", {"emitter": "lamp"}, "unknown emitter 'lamp'.*sky"),
