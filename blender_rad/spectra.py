@@ -84,7 +84,7 @@ class Spectrum:
     @property
     def efficacy_lm_W(self) -> float:
         """Luminous efficacy of radiation K = K_m ∫ S V dλ / ∫ S dλ [lm/W]."""
-        return K_M * self._per_watt(_observer(self.wavelengths)[:, 1])
+        return K_M * self._per_watt(_observer(self.wavelengths)[1])
 
     def photons_per_J(self, within: Limits = RANGE_NM) -> float:
         """Return photons of wavelengths `within` a joule, ∫ S λ dλ / (hc ∫ S dλ)."""
@@ -96,7 +96,7 @@ class Spectrum:
         The last three are None where the colour is too far from white.
         """
         temperature, duv = colour_temperature(
-            [self._per_watt(bar) for bar in _observer(self.wavelengths).T]
+            [self._per_watt(bar) for bar in _observer(self.wavelengths)]
         )
         rendering = None
         if temperature is not None:
@@ -153,7 +153,7 @@ def spectrum(name: str, limits: Limits | None = None) -> Spectrum:
             raise RadError(f"{name} is out of range", WHERE, f"expected {low:g} to {high:g} nm")
         return Spectrum(name, numbers, np.ones(1))
     kelvin = numbers[0] if kind == "blackbody" else np.clip(numbers[0], *RANGE_K)
-    x = _grid(limits or VISIBLE_NM)
+    x = _grid(*(limits or VISIBLE_NM))
     exponent = SECOND_RADIATION / (x * kelvin)  # scaled so that no temperature underflows
     return Spectrum(name, x, np.exp(exponent.min() - exponent) / (-np.expm1(-exponent) * x**5))
 
@@ -186,25 +186,20 @@ def _colour() -> ModuleType:
     return colour
 
 
-def _observer(wavelengths: Array) -> Array:
-    """Return x̄, ȳ = V, z̄ of CIE 1931 at wavelengths (n,), (n, 3); 0 outside 360–830 nm."""
+def _observer(x: Array) -> Array:
+    """Return x̄, ȳ = V, z̄ of CIE 1931 at wavelengths (n,), as (3, n); 0 outside 360–830 nm."""
     table = _colour().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    columns = [
-        np.interp(wavelengths, table.wavelengths, values, left=0.0, right=0.0)
-        for values in np.asarray(table.values).T
-    ]
-    return np.stack(columns, axis=1)
+    bars = np.asarray(table.values).T
+    return np.stack([np.interp(x, table.wavelengths, bar, left=0.0, right=0.0) for bar in bars])
 
 
 def _integral(x: Array, y: Array) -> float:
     return float(np.sum(0.5 * np.diff(x) * (y[1:] + y[:-1])))
 
 
-def _grid(limits: Limits, knots: Array | None = None) -> Array:
-    """Return every whole nanometre between the limits, the limits and the knots."""
-    low, high = limits
-    x = np.union1d(np.arange(math.ceil(low), high, dtype=np.float64), [low, high])
-    return x if knots is None else np.union1d(x, knots[(knots > low) & (knots < high)])
+def _grid(low: float, high: float) -> Array:
+    """Return both limits and every whole nanometre between."""
+    return np.union1d(np.arange(math.ceil(low), high, dtype=np.float64), [low, high])
 
 
 def _tabulated(
@@ -217,7 +212,7 @@ def _tabulated(
     if not low <= inner[0] < inner[1] <= high:
         what = f"{name} is not known from {inner[0]:g} to {inner[1]:g} nm"
         raise RadError(what, "--limits", f"expected limits within {low:g},{high:g}")
-    grid = _grid(inner, x)
+    grid = np.union1d(_grid(*inner), x[(x > inner[0]) & (x < inner[1])])
     density = np.interp(grid, x, y)
     if not density.any():
         raise RadError(f"{name} has no power", WHERE, f"expected some in {inner[0]:g}–{inner[1]:g}")
