@@ -166,9 +166,11 @@ def _emission(leaf: Leaf) -> Triple | None:
     rgb = nodes.leaf_emission(leaf, "Emission Strength", "Emission Color")
     layers = [nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")]
     alpha = nodes.input_number(leaf, "Alpha", 1.0)
-    if rgb is None or rgb == BLACK or (layers == [0.0, 0.0] and alpha == 1.0):
+    if rgb is None or rgb == BLACK:
         return rgb
-    return None
+    if alpha is None or layers != [0.0, 0.0]:
+        return None
+    return nodes.scaled(rgb, min(max(alpha, 0.0), 1.0))
 
 
 def _passes_shadow(leaf: Leaf) -> bool:

@@ -135,7 +135,7 @@ def test_glass_throws_a_shadow_and_clay_closes_it(kind: str) -> None:
         ({"Alpha": 0.5}, False, (0, 0, 0), True),
         ({"Emission_Strength": 2.0}, True, (2, 2, 2), True),
         ({"Emission_Strength": 2.0, "Coat_Weight": 1.0}, True, (0, 0, 0), False),
-        ({"Emission_Strength": 2.0, "Alpha": 0.5}, False, (0, 0, 0), False),
+        ({"Emission_Strength": 2.0, "Alpha": 0.25}, False, (0.5, 0.5, 0.5), True),
     ],
 )
 def test_principled(inputs: Any, opaque: bool, emission: Any, known: bool) -> None:
