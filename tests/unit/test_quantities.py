@@ -26,10 +26,7 @@ def test_every_form_has_every_kind_and_twins_are_mutual() -> None:
 @pytest.mark.parametrize(
     ("name", "symbol", "unit", "key"),
     [
-        ("radiant_flux", "Φ_e", "W", "radiant_flux_W"),
         ("luminous_intensity", "I_v", "cd", "luminous_intensity_cd"),
-        ("radiant_intensity", "I_e", "W/sr", "radiant_intensity_W_sr"),
-        ("irradiance", "E_e", "W/m²", "irradiance_W_m2"),
         ("radiance", "L_e", "W/(m² sr)", "radiance_W_m2_sr"),
         ("luminous_energy", "Q_v", "lm·s", "luminous_energy_lm_s"),
         ("spectral_radiance", "L_λ", "W/(m² sr nm)", "spectral_radiance_W_m2_sr_nm"),
