@@ -35,6 +35,10 @@ KEYS = (
 )
 LEDS_K = {"LED-B1": 2733, "LED-B2": 2998, "LED-B3": 4103, "LED-B4": 5109, "LED-B5": 6598}
 DAYLIGHT = "D65"
+PHOTOPIC = (
+    f"{K_M:.0f} lm/W takes each watt as green of 555 nm, where the eye sees best: "
+    "100 W are 68 300 lm"
+)
 SAME = 1e-4  # relative, below which two figures are one
 WORDS = {
     "Light linking": "light linking: it lights, or is shadowed by, chosen objects only",
@@ -87,9 +91,12 @@ def _sources(scene: Scene) -> Iterator[_Source]:
         mine, theirs = (_built(record, model) for model in (scene.model, other))
         yield _Source(record.name, record.bl_type, mine, theirs, record)
     for emitter in emitters(scene)[0]:
+        name, kind = emitter.light.name, emitter.light.kind
         light = emitter.cause.feature if emitter.cause else emitter.light
-        if emitter.light.kind in ("MESH", "WORLD"):
-            yield _Source(emitter.light.name, emitter.light.kind, light, light)
+        if isinstance(light, MeshLight) and not light.radiant_flux().any():
+            light = None
+        if kind in ("MESH", "WORLD"):
+            yield _Source(name, kind, light, light)
 
 
 def _built(record: LightRecord, model: Model) -> Light | str | None:
@@ -148,8 +155,8 @@ def _row(
         "efficacy_lm_W": efficacy,
         "correlated_colour_temperature_K": temperature,
     }
-    names = {first.name, first.record.data if first.record else first.name}
-    notes = [f.message for f in findings if f.object in names]
+    names = first.name, first.record and first.record.data
+    notes = [f.message for f in findings if f.object and f.object in names]
     known = {u.feature for u in scene.unsupported if u.kind == "light" and u.name == first.name}
     notes += [text for feature, text in WORDS.items() if feature in known]
     notes += _notes(first, weights, scene.unit_scale_m)
@@ -158,7 +165,7 @@ def _row(
         low, high = fluxes.min(), fluxes.max()
         notes.append(f"its {count} instances differ, {low:.4g} to {high:.4g} W: this is the mean")
     if efficacy == K_M and any(values[luminous] for _, luminous in KEYS):
-        notes.append(_photopic(first.kind, temperature))
+        notes += [PHOTOPIC, _spectrum(first.kind, temperature)]
     return {**row, "notes": list(dict.fromkeys(notes))}
 
 
@@ -215,11 +222,11 @@ def _notes(source: _Source, weights: Array, metre: float) -> Iterator[str]:
     light, record = source.light, source.record
     if isinstance(light, str):
         yield f"what it emits is not known: {light}"
-    elif light is None and record is not None:
-        yield f"emits nothing: {_why_dark(record)}"
+    elif light is None:
+        yield f"emits nothing: {_why_dark(record) if record else 'it has no area'}"
     elif isinstance(light, MeshLight):
         yield _faces(light)
-    elif light is not None and record is not None:
+    elif record is not None:
         yield from _of_power(light, record)
         yield from _of_colour(record, weights)
         yield from _of_shape(light, record, metre)
@@ -249,7 +256,7 @@ def _faces(light: MeshLight) -> str:
     share = _ratio(light.leaving_flux(), light.radiant_flux())
     if share > 1.0 - SAME:
         return "shines from both faces, half of it from each"
-    return f"a shape that lights itself: {100.0 * share:.3g} % of what its faces emit leaves it"
+    return f"closed or hollow: {100.0 * share:.3g} % of what its faces emit gets out"
 
 
 def _of_power(light: Light, record: LightRecord) -> Iterator[str]:
@@ -319,12 +326,11 @@ def _of_shape(light: Light, record: LightRecord, metre: float) -> Iterator[str]:
             yield f"with its object's scale it is {u:.3g} × {v:.3g} m"
 
 
-def _photopic(kind: str, temperature: float | None) -> str:
-    """Return why its lumens are so many, and the spectrum to choose."""
-    text = f"{K_M:.0f} lm/W takes each watt as green of 555 nm, so that 100 W are 68 300 lm"
+def _spectrum(kind: str, temperature: float | None) -> str:
+    """Return which spectrum to choose."""
     if temperature is None:
-        return f"{text}; choose the --efficacy of its source's spectrum"
+        return "too far from white for a usual spectrum: choose the --efficacy of its source"
     name = min(LEDS_K, key=lambda led: abs(1.0 / LEDS_K[led] - 1.0 / temperature))
     name = DAYLIGHT if kind in ("SUN", "WORLD") else name
     efficacy = luminous_efficacy(name)
-    return f"{text}; its white is like {name}, which has {efficacy:.0f}: --efficacy {efficacy:.0f}"
+    return f"a white like {name}, which has {efficacy:.0f} lm/W: --efficacy {efficacy:.0f}"

@@ -59,7 +59,8 @@ def _text(rows: list[dict[str, Any]], document: dict[str, Any], findings: list[F
     padded = [_padded(column, left=i < 2) for i, column in enumerate(columns)]
     lines = ["  ".join(line).rstrip() for line in zip(*padded, strict=True)]
     flux = sum(row["count"] * (row["luminous_flux_lm"] or 0.0) for row in rows)
-    lines.append(f"in all {figure(flux)} lm at {efficacy:g} lm/W, model {model}")
+    total = f"in all {figure(flux)} lm; " if len(rows) > 1 and flux else ""
+    lines.append(f"{total}{efficacy:g} lm/W, model {model}; W are the mean of R, G and B")
     notes: dict[str, list[str]] = {}
     for row in rows:
         for note in row["notes"]:
