@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..photometry.distribution import directions
+from . import _geometry as geometry
 from ._base import Array
 from ._geometry import Mask
 
 GRAZING = 1e-6  # cosine; nothing is left of a face that is seen so
-FINEST = np.radians(2.0)  # the widest cell of the quadrature
+CONE_SIDE = 256  # of the points in a cone
+FINEST = np.radians(1.0)  # the widest cell of the quadrature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +65,7 @@ class Distribution:
     def quadrature(self) -> tuple[Array, Array]:
         """Return unit world directions (k, 3) and their solid angles (k,) over the whole table.
 
-        Two Gauss points each way in cells of at most 2° that end at the table's knots; a frame F
+        Two Gauss points each way in cells of at most 1° that end at the table's knots; a frame F
         that stretches has dω = |det F⁻¹|/|F⁻¹l|³ dl.
         """
         u, du = _gauss(self.longitude)
@@ -73,9 +75,21 @@ class Distribution:
         solid = np.outer(du, np.cos(v) * dv).ravel() / abs(np.linalg.det(self.frame))
         return world / length[:, None], solid / length**3
 
-    def flux_and_peak(self, intensity: Callable[[Array], Array]) -> tuple[float, float]:
-        """Return integral and greatest value of an `intensity` of leaving directions (n, 3)."""
-        leaving, solid_angle = self.quadrature()
+    def flux_and_peak(
+        self, intensity: Callable[[Array], Array], axis: Array | None = None, cone: float = 2.0
+    ) -> tuple[float, float]:
+        """Return integral and greatest value of an `intensity` of leaving directions (n, 3).
+
+        With an `axis` (3,), only the cone of 1 - cos(half angle) = `cone` about it is lit.
+        """
+        if axis is None:
+            leaving, solid_angle = self.quadrature()
+        else:
+            side = (np.arange(CONE_SIDE) + 0.5) / CONE_SIDE
+            u = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+            inside = geometry.sample_cone(np.tile(axis, (len(u), 1)), np.full(len(u), cone), u)
+            leaving, each = np.vstack([inside, axis]), 2.0 * np.pi * cone / len(u)
+            solid_angle = np.append(np.full(len(u), each), 0.0)
         values = intensity(leaving)
         return float(solid_angle @ values), float(values.max())
 
@@ -100,7 +114,7 @@ def _cells(knots: Array, at: Array, cubic: bool) -> tuple[NDArray[np.intp], list
 
 
 def _gauss(knots: Array) -> tuple[Array, Array]:
-    """Return two Gauss nodes and weights for each part of at most 2° between the knots."""
+    """Return two Gauss nodes and weights for each part of at most 1° between the knots."""
     edges = np.unique(knots)
     parts = np.maximum(np.ceil(np.diff(edges) / FINEST), 1).astype(int)
     width = np.repeat(np.diff(edges) / parts, parts)

@@ -245,7 +245,7 @@ class AreaLight(Light):
 
     def radiant_flux(self) -> Array:
         if self.distribution is not None and not self.is_delta:
-            return self.rgb * self.distribution.flux_and_peak(self._intensity)[0]
+            return self.rgb * self.distribution.flux_and_peak(self._intensity, *self._lit)[0]
         if self.is_delta:
             return self.rgb * self._pattern(-self.direction[None])
         if self.spread >= FULL_SPREAD:
@@ -258,12 +258,17 @@ class AreaLight(Light):
             return np.where(self.rgb == 0.0, 0.0, np.copysign(np.inf, self.rgb))
         if self.distribution is None:
             return self.rgb * self._intensity(self.direction[None])
-        return self.rgb * self.distribution.flux_and_peak(self._intensity)[1]
+        return self.rgb * self.distribution.flux_and_peak(self._intensity, *self._lit)[1]
 
     def peak_radiance(self) -> Array:
         if self.is_delta or self.distribution is None:
             return self.peak_radiant_intensity() / self.area
-        return self.rgb * self.distribution.flux_and_peak(self._leaving_radiance)[1]
+        return self.rgb * self.distribution.flux_and_peak(self._leaving_radiance, *self._lit)[1]
+
+    @property
+    def _lit(self) -> tuple[Array, float]:
+        """The axis, and 1 - cos(half angle) of the cone that is lit."""
+        return self.direction, 2.0 * float(np.sin(0.25 * self.spread)) ** 2
 
     def _leaving_radiance(self, leaving: Array) -> Array:
         """Return the radiance (n,) over `rgb` [1/(bu² sr)] into directions (n, 3)."""

@@ -133,17 +133,22 @@ class PointLight(Light):
     def radiant_flux(self) -> Array:
         if self.distribution is None:
             return self.rgb
-        return self.rgb * self.distribution.flux_and_peak(self._intensity)[0]
+        return self.rgb * self.distribution.flux_and_peak(self._intensity, *self._lit)[0]
 
     def peak_radiant_intensity(self) -> Array:
         if self.distribution is None:
             return self.rgb / (4.0 * np.pi)
-        return self.rgb * self.distribution.flux_and_peak(self._intensity)[1]
+        return self.rgb * self.distribution.flux_and_peak(self._intensity, *self._lit)[1]
 
     def peak_radiance(self) -> Array:
         if self.is_delta:
             return super().peak_radiance()
         return self.peak_radiant_intensity() / (np.pi * self.radius**2)
+
+    @property
+    def _lit(self) -> tuple[Array | None, float]:
+        """The axis, if one is known, and 1 - cos(half angle) of the cone that is lit."""
+        return None, 2.0
 
     def _intensity(self, leaving: Array) -> Array:
         """Return the intensity (n,) over `rgb` [1/sr] far away."""

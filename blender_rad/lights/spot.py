@@ -104,7 +104,7 @@ class SpotLight(PointLight):
         whole = super().irradiance(points, normals)
         if self.is_delta or whole is None:
             return whole
-        if self._scales is None or np.ptp(self._scales) > ORTHOGONAL * self._scales[0]:
+        if self._lit[0] is None:
             return None
         axis, squared = geometry.towards(self.position, points)
         off_axis = np.arccos(np.clip(-(axis @ self._axis), -1.0, 1.0))
@@ -113,6 +113,11 @@ class SpotLight(PointLight):
         lit = (off_axis + half <= np.arccos(min(ramp, 1.0))) | self._inside(squared)
         dark = off_axis - half >= np.arccos(self.cos_half_angle)
         return np.where(lit, whole, np.where(dark, 0.0, np.nan))
+
+    @property
+    def _lit(self) -> tuple[Array | None, float]:
+        even = self._scales is not None and np.ptp(self._scales) <= ORTHOGONAL * self._scales[0]
+        return (self._axis, 1.0 - self.cos_half_angle) if even else super()._lit
 
     def radiant_flux(self) -> Array:
         if self.distribution is not None:

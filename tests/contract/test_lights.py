@@ -9,11 +9,20 @@ import numpy as np
 import pytest
 
 from blender_rad.lights import LIGHTS, Light, LightSample
+from blender_rad.lights._distribution import Distribution
 
-LIGHT_LIST = [
-    pytest.param(light, id=f"{kind}-{light.name}")
-    for kind, cls in LIGHTS.items()
-    for light in cls.examples()
+AROUND, UP = np.arange(-1, 14) * np.pi / 6.0, np.arange(-7, 8) * np.pi / 12.0
+PATTERN = Distribution(
+    longitude=AROUND[1:-1],
+    latitude=UP[1:-1],
+    table=2.0 + np.cos(AROUND - 0.4)[:, None] * np.cos(UP) + 0.5 * np.sin(UP),
+    frame=np.array([[0.8, 0.0, -0.6], [0.1, 1.0, 0.0], [1.2, 0.0, 1.6]]),  # turns, and stretches
+)
+EXAMPLES = [(kind, light) for kind, cls in LIGHTS.items() for light in cls.examples()]
+LIGHT_LIST = [pytest.param(light, id=f"{kind}-{light.name}") for kind, light in EXAMPLES] + [
+    pytest.param(replace(light, distribution=PATTERN), id=f"{kind}-{light.name}-ies")
+    for kind, light in EXAMPLES
+    if light.name in ("point", "sphere", "scaled-ball", "spot", "narrow", "ellipse")
 ]
 SIGMAS = 5.0  # of about 2000 comparisons one in 3000 may pass 3.4
 SIDE = 64  # stratified samples a side
