@@ -92,20 +92,21 @@ class Claims(Estimates):
 def _family(
     known: Estimates,
     truth: float,
-    tolerance: Array | float,
+    tolerance: float,
     level: float,
     group: int | NDArray[np.int64],
     *,
     required: bool = True,
 ) -> Claims:
-    """Return the claims that each of `known` is `truth`; they share `level` of α equally."""
+    """Return the claims that `known` are all `truth`; they share `level` of α equally."""
     count = len(known.value)
     return Claims(
         known.value - truth,
         known.witness_variance,
         known.our_variance,
         known.df,
-        np.broadcast_to(tolerance, count),
+        known.scale,
+        tolerance * known.scale,
         np.full(count, level / max(count, 1)),
         np.full(count, required),
         np.broadcast_to(np.asarray(group, np.int64), count),
@@ -127,12 +128,11 @@ def _of_colours(problem: Problem, tolerance: float) -> Iterable[Claims]:
 
 def claims_of(pools: Pools, problem: Problem, tolerance: float) -> Claims:
     """Return everything that is claimed of a witness."""
-    tiles = TILE_TOLERANCES * tolerance * pools.tile_scale
     families = [
-        _family(pools.frame, 0.0, tolerance * pools.frame_scale, LEVEL, FRAME),
+        _family(pools.frame, 0.0, tolerance, LEVEL, FRAME),
         claims_of_lights(problem, problem.known, tolerance),
         *_of_colours(problem, tolerance),
-        _family(pools.tiles, 0.0, tiles, LEVEL, TILES),
+        _family(pools.tiles, 0.0, TILE_TOLERANCES * tolerance, LEVEL, TILES),
     ]
     return Claims(*(
         np.concatenate([getattr(family, field.name) for family in families])

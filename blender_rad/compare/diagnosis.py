@@ -167,7 +167,7 @@ class Case:
     @property
     def tile_scale(self) -> Array:
         """What tiles count relative to, (t, 3)."""
-        return np.maximum(self.pools.tile_scale.reshape(-1, 3), np.finfo(float).tiny ** 0.5)
+        return np.maximum(self.pools.tiles.scale.reshape(-1, 3), np.finfo(float).tiny ** 0.5)
 
     def left(self, columns: Array, known: Estimates) -> Array:
         """Return what `columns` at their factors leave of the witness, tile means (r, t, 3)."""
@@ -346,14 +346,14 @@ def _unexplained(case: Case, columns: Array, known: Estimates, sound: bool) -> F
     pools, tiles = case.pools, case.pools.tiles
     difference = case.left(columns, known).mean(axis=0).ravel() if sound else tiles.value
     relative, x, y = pools.worst(difference)
-    noise = SIGMAS * tiles.error + SLACK * pools.tile_scale
+    noise = SIGMAS * tiles.error + SLACK * pools.tiles.scale
     brighter = relative > 0 if sound else (tiles.value > -noise).all()
     darker = sound or (tiles.value < noise).all()
     code = "extra-light" if brighter else "extra-shadow" if darker else "unexplained"
     hint = "" if sound else "; until that is found, the factors of lights mean little"
     where = f"most at pixel ({x}, {y}): {100 * relative:+.2f} %"
     message = f"the witness {_UNEXPLAINED[code]}, {where}{hint}"
-    effect = 100.0 * float(difference.sum() / pools.tile_scale.sum())
+    effect = 100.0 * float(difference.sum() / pools.tiles.scale.sum())
     return Finding(code, "error", "", message, effect)
 
 

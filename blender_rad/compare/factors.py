@@ -31,7 +31,7 @@ def model_weights(cells: Cells, pools: Pools) -> Array:
     with variance L p (1 − p) L ≤ L·seen. Its c takes a sample for as noisy, relative to its mean
     squared, as it is in the median tile.
     """
-    scale, variance = pools.tile_scale, pools.tiles.witness_variance * pools.pixels
+    scale, variance = pools.tiles.scale, pools.tiles.witness_variance * pools.pixels
     a, b, c = 0.0, 0.0, 0.0
     if len(scale):
         bright = scale > np.median(scale)
@@ -40,7 +40,7 @@ def model_weights(cells: Cells, pools: Pools) -> Array:
         b = max((v1 - v0) / (x1 - x0), 0.0) if x1 > x0 else 0.0
         a = max(v0 - b * x0, 0.0)
         c = float(np.median(variance) / np.median(scale) ** 2)
-    a = max(a, b * 0.01 * float(pools.frame_scale.mean()), np.finfo(float).tiny ** 0.5)
+    a = max(a, b * 0.01 * float(pools.frame.scale.mean()), np.finfo(float).tiny ** 0.5)
     total = cells.counts.max(axis=0)
     tile = block_sums(np.abs(cells.ours), CELLS_A_TILE)
     mean = tile / np.maximum(block_sums(total, CELLS_A_TILE), 1.0)

@@ -109,12 +109,14 @@ class Estimates:
     ----------
     witness_variance, our_variance : of `value`.
     df : degrees of freedom of the sum of both (Welch and Satterthwaite).
+    scale : what tolerances are relative to.
     """
 
     value: Array
     witness_variance: Array
     our_variance: Array
     df: Array
+    scale: Array
 
     @property
     def error(self) -> Array:
@@ -129,7 +131,7 @@ class Estimates:
 def estimate(replicates: Array, our_variance: Array, scale: Array) -> Estimates:
     """Return the mean of `replicates` (r, n), with the spread over them as its noise.
 
-    `scale` (n,) is what the float32 floor is relative to. Our own variance is taken as known:
+    The float32 floor is relative to `scale` (n,). Our own variance is taken as known:
     df = (r−1) (σ_w² + σ_o²)² / σ_w⁴.
     """
     count = len(replicates)
@@ -137,7 +139,7 @@ def estimate(replicates: Array, our_variance: Array, scale: Array) -> Estimates:
     floor = np.maximum((FLOAT32_ROUNDING * scale) ** 2, np.finfo(float).tiny ** 0.5)
     witness = np.maximum(spread, floor)
     df = np.minimum((count - 1) * (1.0 + our_variance / witness) ** 2, MAX_DF)
-    return Estimates(replicates.mean(axis=0), witness, our_variance, df)
+    return Estimates(replicates.mean(axis=0), witness, our_variance, df, scale)
 
 
 @dataclass(frozen=True)
@@ -146,22 +148,20 @@ class Pools:
 
     Attributes
     ----------
-    frame, tiles : differences; (3,) and (t·3,), channels running fastest.
-    frame_scale, tile_scale : our mean in the same order, floored as the tolerance needs it.
+    frame, tiles : differences; (3,) and (t·3,), channels running fastest; their scale is our mean,
+        floored as the tolerance needs it.
     pixels : (t·3,) compared pixels of the tile.
     where : (t, 2) row and column of each tile in the grid of tiles.
     """
 
     frame: Estimates
-    frame_scale: Array
     tiles: Estimates
-    tile_scale: Array
     pixels: Array
     where: NDArray[np.int64]
 
     def worst(self, difference: Array) -> tuple[float, int, int]:
         """Return the largest of `difference` (t·3) over the scale, and its tile's first (x, y)."""
-        relative = difference / np.maximum(self.tile_scale, np.finfo(float).tiny)
+        relative = difference / np.maximum(self.tiles.scale, np.finfo(float).tiny)
         worst = int(np.argmax(np.abs(relative)))
         row, column = self.where[worst // 3] * TILE
         return float(relative[worst]), int(column), int(row)
@@ -197,15 +197,14 @@ def pool(cells: Cells) -> Pools:
     """
     total = cells.counts.max(axis=0)
     picture = np.abs(cells.ours.sum(axis=(0, 1))) / total.sum()
-    frame_scale = np.maximum(picture, DARK * picture.mean())
     variance = cells.variance.sum(axis=(0, 1)) / total.sum() ** 2
-    frame = estimate(frame_means(cells), variance, frame_scale)
+    scale = np.maximum(picture, DARK * picture.mean())
+    frame = estimate(frame_means(cells), variance, scale)
     kept = kept_tiles(cells)
     number, ours, variance = (
         block_sums(sums, CELLS_A_TILE)[kept] for sums in (total, cells.ours, cells.variance)
     )
-    tile_scale = np.maximum(np.abs(ours) / number, DARK * frame_scale).ravel()
+    scale = np.maximum(np.abs(ours) / number, DARK * scale).ravel()
     means = tile_means(cells, cells.residual(cells.ours))
-    tiles = estimate(means.reshape(len(means), -1), (variance / number**2).ravel(), tile_scale)
-    pixels = np.repeat(number.ravel(), 3)
-    return Pools(frame, frame_scale, tiles, tile_scale, pixels, np.argwhere(kept))
+    tiles = estimate(means.reshape(len(means), -1), (variance / number**2).ravel(), scale)
+    return Pools(frame, tiles, np.repeat(number.ravel(), 3), np.argwhere(kept))

@@ -237,7 +237,7 @@ def _classify(job: _Job, mean: Array) -> NDArray[np.uint8]:
     if count < 2:
         return classes
     squares = sum(((picture - mean) ** 2 for picture in job.pictures), np.zeros_like(mean))
-    scale = np.maximum(np.abs(ours), DARK * job.case.pools.frame_scale)
+    scale = np.maximum(np.abs(ours), DARK * job.case.pools.frame.scale)
     floor = (FLOAT32_ROUNDING * scale) ** 2
     error = np.sqrt(np.maximum(squares / (count * (count - 1)), floor) + job.film.variance)
     reach = critical_value(job.case.alpha, count - 1.0) * error
