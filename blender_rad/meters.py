@@ -39,7 +39,7 @@ Ints = NDArray[np.int64]
 
 STREAMS = 16
 STUDENT_15 = 2.131 / 1.960  # 97.5 % quantile of Student's t, 15 degrees of freedom, over normal's
-FIRST_POINTS = 8  # of each stream, at least
+FIRST_POINTS = 2  # of each stream, at least
 BATCH = 16384  # rays at once
 MAX_METERS = 1_000_000  # in a grid
 DARK = 0.1  # of the unoccluded light: readings below it need its absolute error only

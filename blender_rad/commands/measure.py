@@ -27,6 +27,7 @@ MANY = 1_000_000  # shares of lights in a document
 LEFT_OUT = (
     "shares-left-out", "info", "", "too many to list by meter and light; the grid has averages"
 )
+SHOWN = 12  # lights in a table
 PLAN = 12, 24  # columns and rows of a grid that is shown as a table
 
 
@@ -280,7 +281,7 @@ def _meter_lines(meters: list[dict[str, Any]]) -> list[str]:
         value, other = row[key], row[f"other_model_{key}"]
         error = row["standard_error_" + key.partition("_")[2]]
         lines.append(f"{row.get('name', '')} ({place}) m: {value:.5g} ± {error:.2g} {unit}".strip())
-        lines += [f"  {light['name']}: {light[key]:.5g} {unit}" for light in row["lights"]]
+        lines += _share_lines(row["lights"], key, unit)
         if abs(other - value) > 1e-6 * abs(value):
             lines.append(f"  all, in the other model: {other:.5g} {unit}")
     return lines
@@ -292,16 +293,18 @@ def _grid_lines(grid: dict[str, Any], meters: list[dict[str, Any]]) -> list[str]
     if columns <= PLAN[0] and rows <= PLAN[1]:
         lux = [f"{row['illuminance_lx']:7.5g}" for row in meters]
         lines += [" ".join(lux[k * columns : (k + 1) * columns]) for k in reversed(range(rows))]
+    average, low, high = (grid[f"{key}_lx"] for key in ("average", "minimum", "maximum"))
     lines += [
-        f"{name} {grid[key]:.5g} lx"
-        for name, key in (
-            ("E_avg", "average_lx"), ("E_min", "minimum_lx"), ("E_max", "maximum_lx"),
-        )
+        f"E_avg {average:.5g} lx, E_min {low:.5g} lx, E_max {high:.5g} lx",
+        f"U0 {grid['uniformity_U0'] or 0.0:.3f}, Ud {grid['uniformity_Ud'] or 0.0:.3f}",
+        *_share_lines(grid["lights"], "average_lx", "lx"),
     ]
-    lines += [
-        f"{key[-2:]}    {'-' if grid[key] is None else format(grid[key], '.3f')}"
-        for key in ("uniformity_U0", "uniformity_Ud")
-    ]
-    lines += [f"  {light['name']}: E_avg {light['average_lx']:.5g} lx" for light in grid["lights"]]
     passed = grid["targets"].get("pass")
-    return lines + {None: [], True: ["targets: pass"], False: ["targets: FAIL"]}[passed]
+    return lines if passed is None else [*lines, f"targets: {'pass' if passed else 'FAIL'}"]
+
+
+def _share_lines(lights: list[dict[str, Any]], key: str, unit: str) -> list[str]:
+    """Return a line for each of the lights that give most."""
+    most = sorted(lights, key=lambda light: -abs(light[key]))
+    lines = [f"  {light['name']}: {light[key]:.5g} {unit}" for light in most[:SHOWN]]
+    return lines + [f"  and {len(lights) - SHOWN} more"] * (len(lights) > SHOWN)
