@@ -21,76 +21,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from .errors import RadError, unknown_name
-from .quantities import AVOGADRO, PHOTOSYNTHETIC_NM, Form, Quantity, quantity
+from .quantities import PHOTOSYNTHETIC_NM, Unit, unit_named
 from .spectra import Spectrum
-
-FOOT = 0.3048  # m
-UMOL = AVOGADRO * 1e-6
-MIDDLE_GREY = 0.18  # scene-linear
-
-
-class Unit(NamedTuple):
-    """A unit: its SI value is factor · x^sign, or factor · 2^(sign · x) where x counts stops."""
-
-    symbol: str
-    form: Form
-    kind: Literal["radiant", "luminous", "photon", "photosynthetic"]
-    factor: float = 1.0
-    definition: str = ""
-    stops: bool = False
-    sign: int = 1
-
-    @property
-    def quantity(self) -> Quantity:
-        """What it is a unit of."""
-        return quantity(self.form, "photon" if self.kind == "photosynthetic" else self.kind)
-
-    def to_si(self, value: float) -> float:
-        """Return the value in SI."""
-        return self.factor * (2.0**value if self.stops else value) ** self.sign
-
-    def from_si(self, value: float) -> float:
-        """Return the value in this unit."""
-        ratio = (value / self.factor) ** self.sign
-        return ratio if not self.stops else math.log2(ratio) if ratio > 0.0 else -math.inf
-
-
-_PHOTONS = f"1 umol = {UMOL:.9g} photons"
-_GREY = f"L_e = {MIDDLE_GREY}"
-UNITS = {
-    unit.symbol: unit
-    for unit in (
-        Unit("W", "flux", "radiant"),
-        Unit("lm", "flux", "luminous"),
-        Unit("photons/s", "flux", "photon"),
-        Unit("umol/s", "flux", "photosynthetic", UMOL, _PHOTONS),
-        Unit("J", "energy", "radiant"),
-        Unit("lm.s", "energy", "luminous"),
-        Unit("talbot", "energy", "luminous", 1.0, "1 talbot = 1 lm s"),
-        Unit("W/sr", "intensity", "radiant"),
-        Unit("cd", "intensity", "luminous"),
-        Unit("W/m2", "irradiance", "radiant"),
-        Unit("lx", "irradiance", "luminous"),
-        Unit("fc", "irradiance", "luminous", FOOT**-2, "1 fc = 1 lm/ft²"),
-        Unit("umol/m2/s", "irradiance", "photosynthetic", UMOL, _PHOTONS),
-        Unit("W/m2/sr", "radiance", "radiant"),
-        Unit("cd/m2", "radiance", "luminous"),
-        Unit("nit", "radiance", "luminous", 1.0, "1 nit = 1 cd/m²"),
-        Unit("fl", "radiance", "luminous", FOOT**-2 / math.pi, "1 fl = 1/π cd/ft²"),
-        Unit("EV100", "radiance", "luminous", 0.125, "L_v = 0.125 · 2^EV100", True),
-        Unit("film-exposure", "radiance", "radiant", MIDDLE_GREY, f"{_GREY}/film", False, -1),
-        Unit("view-exposure", "radiance", "radiant", MIDDLE_GREY, f"{_GREY}/2^view", True, -1),
-    )
-}
-
-
-def ev100(f_number: float, shutter: float, iso: float) -> float:
-    """Return EV100 of an aperture N, a shutter time [s] and a film speed S."""
-    return math.log2(f_number**2 / shutter * 100.0 / iso)
-
 
 Shape = Mapping[str, float]  # metres, m², seconds and radians, by the name of the option
 # An equation, and the quantity over that on which the emitter rests; KeyError names what it lacks.
@@ -176,14 +111,6 @@ class Conversion(NamedTuple):
     formula: str
 
 
-def unit_named(symbol: str) -> Unit:
-    """Return the unit of that symbol, in ASCII or not."""
-    plain = symbol.translate(str.maketrans("²·µμ", "2.uu"))
-    if plain not in UNITS:
-        raise unknown_name("unit", symbol, "UNIT", list(UNITS))
-    return UNITS[plain]
-
-
 def convert(
     value: float,
     unit: str,
@@ -228,6 +155,7 @@ def convert(
         result = math.nan
     if missing:
         options = ", ".join(f"--{name}" for name in missing)
+        options = options.replace("--spectrum", "--spectrum (for lumens, --efficacy will do)")
         angular = ("emitter", "cone", "angle")
         words = " and ".join(name + " (solid angle)" * (name in angular) for name in missing)
         raise RadError(f"{unit} to {to} needs: {words}", options, "expected with it, see --help")
@@ -288,6 +216,6 @@ def _by_form(end: Unit, other: Unit, emitter: str | None, shape: Shape) -> list[
             _times("", 1.0, name) for name in ("emitter", *["distance"] * ("irradiance" in pair))
         ]
     if form not in EMITTERS[emitter][1]:
-        what = f"{emitter} has no {end.quantity.name}"
+        what = f"{emitter} has no {end.quantity.words}"
         raise RadError(what, "--emitter", "expected another emitter")
     return [*steps, EMITTERS[emitter][1][form]]

@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Any
 
 from ..errors import RadError
-from ..quantities import PRESETS
+from ..quantities import PRESETS, UNITS, ev100, unit_named
 from . import _values as values
 from ._base import Command, Outcome, option
 
@@ -25,8 +25,6 @@ def amount(value: Any) -> tuple[float, str | None]:
     exposure = EXPOSURE.fullmatch(str(value))
     try:
         if exposure:
-            from ..units import ev100
-
             return ev100(*(float(Fraction(part)) for part in exposure.groups())), "EV100"
         return PRESETS[value] if value in PRESETS else (values.number()(value), None)
     except (ValueError, ArithmeticError):
@@ -41,7 +39,7 @@ class ConvertOptions(Command, verb="convert"):
     """
 
     value: tuple[float, str | None] = option(amount, AMOUNT, metavar="VALUE", positional=True)
-    unit: str = option(values.text, "its unit", metavar="UNIT", positional=True)
+    unit: str = option(values.text, f"one of {' '.join(UNITS)}", metavar="UNIT", positional=True)
     to: str = option(values.text, "the unit wanted", metavar="UNIT", required=True)
     emitter: str | None = option(
         values.text, "point, sphere, spot, area, mesh, sun or sky", metavar="NAME"
@@ -75,7 +73,7 @@ class ConvertOptions(Command, verb="convert"):
 
     def run(self) -> Outcome:
         from ..spectra import spectrum
-        from ..units import convert, unit_named
+        from ..units import convert
 
         value, own = self.value
         if own not in (None, self.unit):
@@ -91,15 +89,15 @@ class ConvertOptions(Command, verb="convert"):
             shape=shape,
             light=light or self.efficacy,
         )
-        came, quantity = (unit_named(unit).quantity.name for unit in (self.unit, self.to))
+        came, quantity = (unit_named(unit).quantity for unit in (self.unit, self.to))
         document = {
             "value": result.value,
             "unit": self.to,
-            "quantity": quantity,
-            "from": {"value": value, "unit": self.unit, "quantity": came},
+            "quantity": quantity.name,
+            "from": {"value": value, "unit": self.unit, "quantity": came.name},
             "efficacy_lm_W": result.efficacy_lm_W,
             "formula": result.formula,
             "spectrum": light and light.described(),
         }
-        words = quantity.replace("_", " ")
-        return Outcome(document, f"{result.value:.7g} {self.to} {words}\n  {result.formula}")
+        first = f"{result.value:.7g} {self.to} {quantity.words}"
+        return Outcome(document, f"{first}\n  {result.formula}")

@@ -44,7 +44,7 @@ def test_the_readme_uses_these_words_and_units() -> None:
     for form in ("flux", "intensity", "irradiance", "radiance"):
         for kind in ("radiant", "luminous"):
             entry = quantity(form, kind)
-            assert f"{entry.name.replace('_', ' ')} {entry.unit}" in text
+            assert f"{entry.words} {entry.unit}" in text
 
 
 def test_constants() -> None:
