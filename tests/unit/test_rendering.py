@@ -65,6 +65,18 @@ def test_error_bars_cover_the_truth(reference: rendering.Film, effort: dict[str,
     assert np.mean(covered) == pytest.approx(0.95, abs=0.02)
 
 
+@pytest.mark.parametrize("effort", [{"samples": 1}, {"samples": 7}, {"error": 0.05}])
+def test_the_noise_of_layers_is_a_draw_of_their_variance(effort: dict[str, float]) -> None:
+    """Uneven halves of samples leave no part of the light in it; one sample tells of none."""
+    film = render(balls(), Settings(seed=3, **effort))
+    drawn = sum(film.noise.values())
+    if effort == {"samples": 1}:
+        assert not drawn.any()
+    else:
+        scale = film.radiance.max() ** 2
+        np.testing.assert_allclose(drawn**2, film.variance, rtol=1e-3, atol=1e-9 * scale)
+
+
 @pytest.mark.parametrize("error", [0.03, 0.01])
 def test_target_error_is_met(reference: rendering.Film, error: float) -> None:
     film = render(balls(), Settings(error=error))
