@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from blender_rad import cli
 from blender_rad.errors import RadError
-from blender_rad.photometry import Distribution, parse_photometry, read_photometry
+from blender_rad.lights import LightRecord, light_from_record
+from blender_rad.photometry import Distribution, as_ies, parse_photometry, read_photometry
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 FILES = sorted([*DATA.glob("ies/*.[iI][eE][sS]"), *DATA.glob("ldt/*")])
@@ -485,3 +486,59 @@ def test_the_verb_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert document["radiant_flux_integrated_W"] == pytest.approx(4 * np.pi, rel=1e-3)
     assert run(capsys, str(path), "--plot", str(tmp_path / "a.gif")) == (2, None)
     assert run(capsys, str(tmp_path)) == (2, None)
+
+
+# Written
+
+
+def cycles_light(text: str, version: tuple[int, int, int], model: Any) -> Any:
+    properties = {"ies_text": text.encode(), "ies_frame": np.eye(3), "energy": 1.0}
+    return light_from_record(LightRecord("L", "POINT", properties, np.eye(4), 1.0, version), model)
+
+
+@pytest.mark.parametrize("grid", [None, ([0, 45, 180], [0]), (GRID["C"][0], range(-90, 91, 30))])
+@pytest.mark.parametrize("kind", "ABCL")
+def test_written_light_is_the_same_light(kind: str, grid: Any, directions: np.ndarray) -> None:
+    """As LM-63 to the last digit; for Blender in the physical model, and nearly so in Cycles."""
+    light = parse(ldt(3), "a.ldt") if kind == "L" else parse(ies(smooth, kind, GRID[kind]))
+    if kind == "C" and grid is not None:
+        light = parse(ies(lambertian, kind, grid))
+    again = parse(as_ies(light))
+    candela = light.luminous_intensity(directions)
+    np.testing.assert_allclose(again.luminous_intensity(directions), candela, rtol=1e-12)
+    same = ("name", "lamp_flux", "input_power", "opening", "radiometric")
+    assert all(getattr(again, key) == getattr(light, key) for key in same)
+    text = as_ies(light, blender=True)
+    exact = 1e-9 if kind in "CL" else COARSE
+    for version in ((4, 5, 0), (5, 2, 0)):
+        declared = cycles_light(text, version, "physical").distribution
+        found = declared.factor(directions) * 683.002 / (4 * np.pi)
+        np.testing.assert_allclose(found, candela, rtol=exact, atol=exact * light.peak)
+        shown = cycles_light(text, version, "cycles")
+        found = shown.distribution.factor(directions) * 177.83 / (4 * np.pi)
+        if kind != "C" or grid is None:  # else a cubic differs from lines that meet in corners
+            np.testing.assert_allclose(
+                found, candela, rtol=3 * COARSE, atol=3 * COARSE * light.peak
+            )
+        assert shown.notes == ()
+
+
+@pytest.mark.parametrize("kind", "ABC")
+def test_flux_and_peak_of_lights_are_those_of_their_files(kind: str) -> None:
+    light = parse(ies(smooth, kind))
+    made = cycles_light(ies(smooth, kind), (5, 2, 0), "physical")
+    assert made.radiant_flux()[0] * 683.002 == pytest.approx(light.interpolated_flux(), rel=1e-6)
+    assert made.peak_radiant_intensity()[0] * 683.002 == pytest.approx(light.peak, rel=1e-12)
+    shown = cycles_light(ies(smooth, kind), (5, 2, 0), "cycles")
+    if kind != "B":  # of which Cycles drops the side that is turned away
+        assert shown.radiant_flux()[0] * 177.83 == pytest.approx(4 * np.pi * PEAK, rel=1e-2)
+
+
+def test_the_verb_writes_ies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "a.ldt", tmp_path / "b.ies"
+    path.write_text(ldt(2))
+    for orientation, blender in (("lm-63", False), ("blender", True)):
+        argv = (str(path), "--to-ies", str(out), "--orientation", orientation)
+        assert run(capsys, *argv)[1]["ies"] == str(out)
+        written = out.read_bytes().decode().replace("\r\n", "\n")
+        assert written == as_ies(read_photometry(path), blender=blender)
