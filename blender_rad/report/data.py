@@ -21,19 +21,15 @@ class ReportData:
 
     Attributes
     ----------
-    document : the dict of `report.json`. Two keys beyond it are read where they exist: ``command``
-        (the command line that made it) and, in ``settings.overridden``, values of the form
-        ``{"file": ..., "used": ...}``.
+    document : the dict of `report.json`.
     ours, witness : (h, w, 3) scene-linear radiance [W/(m² sr)], row 0 at the top.
     excluded : (h, w) bool, pixels out of the comparison.
     inside : (h, w) bool, the render border.
-    variance_ours, variance_witness : (h, w, 3) variance of the two, None where it is not known.
+    variance_ours, variance_witness : (h, w, 3), the latter None where it is not known.
     luminance_weights : (3,) of the working space, adding up to 1.
     efficacy_lm_W : luminance [cd/m²] over weighted radiance [W/(m² sr)].
     chromaticities : red, green, blue and white (x, y) of the working space.
     witness_name : what the other side is called.
-    tiles : (⌈h/16⌉, ⌈w/16⌉) +1 where the comparison found the witness too bright beyond the
-        tolerance of tiles, −1 too dark, 0 elsewhere; None to judge by the pictures alone.
     """
 
     document: Mapping[str, Any]
@@ -41,27 +37,12 @@ class ReportData:
     witness: Image
     excluded: NDArray[np.bool_]
     inside: NDArray[np.bool_]
-    variance_ours: Image | None
+    variance_ours: Image
     variance_witness: Image | None
     luminance_weights: tuple[float, float, float]
     efficacy_lm_W: float  # noqa: N815 - the unit's own spelling
     chromaticities: tuple[float, ...] = REC709
     witness_name: str = "Cycles"
-    tiles: NDArray[np.int8] | None = None
-
-    def __post_init__(self) -> None:
-        shape = self.ours.shape
-        expected = {
-            "witness": shape,
-            "excluded": shape[:2],
-            "inside": shape[:2],
-            "variance_ours": shape,
-            "variance_witness": shape,
-        }
-        for name, want in expected.items():
-            array = getattr(self, name)
-            if array is not None and array.shape != want:
-                raise ValueError(f"{name} has shape {array.shape}, expected {want} as of `ours`")
 
     def luminance(self, radiance: Image) -> Image:
         """Return luminance [cd/m²], (h, w), of `radiance` (h, w, 3); what is not finite is 0."""

@@ -69,7 +69,7 @@ def build_document(
         "witnesses": [{"name": witness_name, **per_witness}],
         "seconds": spent | result.seconds | dict(seconds),
     }
-    return plain(_readable(document))
+    return plain(document)
 
 
 def coverage(film: Film) -> dict[str, Any]:
@@ -97,12 +97,3 @@ def versions(scene: Scene) -> dict[str, str]:
         "numpy": np.__version__,
         "embree": embree_version(),
     }
-
-
-def _readable(value: Any) -> Any:
-    """Return `value` with what JSON has no word for (Blender's own types) as text."""
-    if isinstance(value, dict):
-        return {key: _readable(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_readable(item) for item in value]
-    return value if value is None or isinstance(value, (str, int, float, bool)) else str(value)

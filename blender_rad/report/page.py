@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import functools
 import os
+import shlex
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,57 +16,38 @@ import numpy as np
 from ..atomic import atomic_path
 from . import wording
 from .data import ReportData
-from .difference import TILE_TOLERANCES, Difference, difference, outline
-from .pictures import (
-    difference_picture,
-    map_colours,
-    map_limit,
-    nice_above,
-    photograph,
-    white_luminance,
-)
+from .difference import TILE_TOLERANCES, difference, outline
+from .pictures import COLOURS, difference_picture, nice_above, photograph, white_luminance
 
 if TYPE_CHECKING:
     import jinja2
 
 TEMPLATES = Path(__file__).parent / "templates"
-COLOUR_STOPS = 13
 AXIS_TOLERANCES = 3.0  # the least that the plot of lights reaches, in tolerances
 SHOWN_LIGHTS = 0.92  # part of the lights that the axis covers: all of up to twelve
+SHOWN_PIXELS = 99.5  # percent of the map that its colours cover
 WHISKER = 3.0  # standard errors
+SEVERITIES = ("error", "warning", "info")
 
 
-@dataclass(frozen=True)
-class Axis:
-    """The axis that all lights share: deviations from 1 up to ±`limit`, 0 to 100 across."""
-
-    limit: float
-
-    def at(self, deviation: float) -> float:
-        """Return the place of `deviation` in percent of the width; what lies outside is clipped."""
-        return round(float(np.clip(50 + 50 * deviation / self.limit, 0.0, 100.0)), 2)
-
-
-def _axis(lights: list[dict[str, Any]], tolerance: float) -> Axis:
-    """Return the axis that shows all but the wildest of many lights, and the tolerance band."""
-    reach = [0.0]
-    for light in lights:
-        scale, error = light.get("scale_in_witness"), light.get("standard_error") or 0.0
-        if scale is not None and wording.known(scale) and wording.known(error):
-            reach.append(min(abs(scale - 1) + WHISKER * error, 1.0))
-    most = float(np.quantile(reach, SHOWN_LIGHTS, method="higher"))
-    return Axis(nice_above(max(most, AXIS_TOLERANCES * tolerance)))
+def _reach(lights: list[dict[str, Any]], tolerance: float) -> float:
+    """Return the deviation that the plot of lights ends at: all but the wildest of many fit."""
+    reach = [
+        min(abs(light["scale_in_witness"] - 1) + WHISKER * (light["standard_error"] or 0.0), 1.0)
+        for light in lights
+        if light["scale_in_witness"] is not None
+    ]
+    most = float(np.quantile([0.0, *reach], SHOWN_LIGHTS, method="higher"))
+    return nice_above(max(most, AXIS_TOLERANCES * tolerance))
 
 
-def _totals(data: ReportData) -> dict[str, float]:
+def _totals(data: ReportData) -> dict[str, float | None]:
     """Return mean luminances [cd/m²] of what was compared, and the witness's over ours less 1."""
     use = data.compared
-    ours, witness = (
-        float(data.luminance(side)[use].mean()) if use.any() else float("nan")
-        for side in (data.ours, data.witness)
-    )
-    excess = witness / ours - 1 if ours else float("nan")
-    return {"ours": ours, "witness": witness, "excess": excess}
+    if not use.any():
+        return {"ours": None, "witness": None, "excess": None}
+    ours, witness = (float(data.luminance(x)[use].mean()) for x in (data.ours, data.witness))
+    return {"ours": ours, "witness": witness, "excess": witness / ours - 1 if ours else None}
 
 
 def _rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -82,45 +63,50 @@ def _rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     }
     rows: list[dict[str, Any]] = []
     for light in document["lights"]:
-        group, faint = light["group"], (light["energy_fraction"] or 0.0) < wording.FAINT
+        name, group, verdict = light["name"], light["group"], light["verdict"]
+        if verdict == "undecided" and (light["energy_fraction"] or 0.0) < wording.FAINT:
+            verdict = "faint"
         alike = [x["name"] for x in document["lights"] if group is not None and x["group"] == group]
-        verdict = "faint" if faint and light["verdict"] == "undecided" else light["verdict"]
-        rows.append(
-            light
-            | {
-                "verdict": verdict,
-                "cause": messages.get((light["diagnosis"], light["name"])),
-                "others": [other for other in alike if other != light["name"]],
-            }
-        )
-    return wording.by_importance(rows)
+        added = {
+            "verdict": verdict,
+            "cause": messages.get((light["diagnosis"], name)),
+            "others": [other for other in alike if other != name],
+        }
+        rows.append(light | added)
+    return sorted(rows, key=_importance)
 
 
-def _outlines(data: ReportData, result: Difference) -> dict[str, str]:
-    shape = data.ours.shape[0], data.ours.shape[1]
-    return {
-        "brighter": outline(result.tiles > 0, shape),
-        "darker": outline(result.tiles < 0, shape),
-    }
+def _importance(light: Mapping[str, Any]) -> tuple[int, float, float]:
+    """Return what sorts lights: those that differ first, then by what they do to the picture."""
+    share, scale = light["energy_fraction"] or 0.0, light["scale_in_witness"]
+    off = abs(scale - 1) if scale is not None and light["verdict"] == "differ" else 0.0
+    return list(wording.VERDICTS).index(light["verdict"]), -share * off, -share
 
 
 def _pictures(data: ReportData, tolerance: float) -> dict[str, Any]:
     """Return the three pictures and everything that their legends and captions say."""
-    result = difference(data, tolerance)
-    white, limit = white_luminance(data), map_limit(result, TILE_TOLERANCES * tolerance)
+    import matplotlib as mpl
+    from matplotlib.colors import to_hex
+
+    relative, tiles = difference(data, tolerance)
+    sizes = np.abs(relative[data.compared])
+    extent = float(np.percentile(sizes, SHOWN_PIXELS)) if sizes.size else 0.0
+    white = white_luminance(data)
+    limit = min(nice_above(max(extent, TILE_TOLERANCES * tolerance)), 1.0)
+    sides = {"brighter": tiles > 0, "darker": tiles < 0}
+    height, width = relative.shape
     return {
         "ours": photograph(data, data.ours, white),
         "witness": photograph(data, data.witness, white),
-        "map": difference_picture(data, result, limit),
-        "colours": map_colours(COLOUR_STOPS),
+        "map": difference_picture(data, relative, limit),
+        "colours": [to_hex(c) for c in mpl.colormaps[COLOURS](np.linspace(0.0, 1.0, 13))],
         "limit": limit,
         "white": white,
         "exposure": float(np.log2(data.efficacy_lm_W / white)),
-        "outlines": _outlines(data, result),
-        "brighter": int((result.tiles > 0).sum()),
-        "darker": int((result.tiles < 0).sum()),
+        "outlines": {side: outline(mask, (height, width)) for side, mask in sides.items()},
+        "off": {side: int(mask.sum()) for side, mask in sides.items()},
         "tile_tolerance": TILE_TOLERANCES * tolerance,
-        "noise_known": result.noise_known,
+        "noise_known": data.variance_witness is not None,
         "excluded": float(1 - data.compared.sum() / max(data.inside.sum(), 1)),
         "bordered": not bool(data.inside.all()),
         "peak": float(data.luminance(data.ours).max(initial=0.0)),
@@ -144,10 +130,9 @@ def _template() -> jinja2.Template:
         lstrip_blocks=True,
         finalize=_shown,
     )
-    words = ("number", "percent", "signed_percent", "name", "kind", "deviation", "known")
-    environment.filters.update(  # pyright: ignore[reportUnknownMemberType] - as jinja2 types it
-        {word: getattr(wording, word) for word in words}
-    )
+    for word in ("number", "percent", "signed_percent", "name", "kind"):
+        environment.filters[word] = getattr(wording, word)
+    environment.filters["quoted"] = lambda text: shlex.quote(str(text))
     return environment.get_template("report.html")
 
 
@@ -155,26 +140,21 @@ def render_report(data: ReportData) -> str:
     """Return the page of `data`; names from the scene are escaped, nothing is fetched."""
     document = data.document
     tolerance = document["settings"]["tolerance"]
-    pictures = _pictures(data, tolerance)
-    lights = _rows(document)
-    tiles_off = pictures["brighter"] + pictures["darker"]
+    pictures, lights = _pictures(data, tolerance), _rows(document)
     return _template().render(
         d=document,
         witness=data.witness_name,
         css=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
-        headline=wording.headline(document, data.witness_name, tiles_off),
-        next_step=wording.next_step(document, lights),
+        said=wording.verdict(document, data.witness_name, lights, sum(pictures["off"].values())),
         verdicts=wording.VERDICTS,
         lights=lights,
         count=Counter(light["verdict"] for light in lights),
-        axis=_axis(lights, tolerance),
+        limit=_reach(lights, tolerance),
         whisker=WHISKER,
         totals=_totals(data),
         pictures=pictures,
         size=(data.ours.shape[1], data.ours.shape[0]),
-        metrics=[wording.metric(k, v, data.witness_name) for k, v in document["metrics"].items()],
-        findings=sorted(document["findings"], key=lambda f: wording.SEVERITIES[f["severity"]]),
-        command=wording.command(document),
+        findings=sorted(document["findings"], key=lambda f: SEVERITIES.index(f["severity"])),
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import base64
 import io
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,24 +13,15 @@ from numpy.typing import NDArray
 from ..film import Image
 from ..working_space import rec709_from_working
 from .data import ReportData
-from .difference import Difference, pool
+from .difference import pool, spread
 
 MAX_WIDTH = 1000  # of what is shrunk for the file's size [px]
 MAP_WIDTH = 960  # that the difference map is blown up towards, so that hatching is fine [px]
-SHARP_WIDTH = 640  # pictures below are shown with hard pixels [px]
 WHITE_PERCENTILE = 98.0
 NICE = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 COLOURS = "RdBu_r"
 HATCH = ((70, 70, 70, 255), (205, 205, 205, 255))  # line and gap, RGBA
 HATCHES = 80  # lines across the picture
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture for the page: its data URI, and whether it is shown with hard pixels."""
-
-    uri: str
-    sharp: bool
 
 
 def nice_above(value: float) -> float:
@@ -63,42 +53,25 @@ def srgb(radiance: Image, white: float, matrix: Image) -> NDArray[np.uint8]:
     return np.round(curve * 255).astype(np.uint8)
 
 
-def _encode(pixels: NDArray[np.uint8], kind: str, *, sharp: bool) -> Picture:
+def _encode(pixels: NDArray[np.uint8], kind: str) -> str:
     """Return `pixels` (h, w, 3 or 4) as a PNG or JPEG in a data URI."""
     from matplotlib.image import imsave  # pyright: ignore[reportUnknownVariableType] - PathLike
 
     buffer = io.BytesIO()
     options = {"quality": 90} if kind == "jpeg" else {"optimize": True}
     imsave(buffer, pixels, format=kind, pil_kwargs=options)
-    text = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return Picture(f"data:image/{kind};base64,{text}", sharp)
+    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
 
 
-def photograph(data: ReportData, radiance: Image, white_cd_m2: float) -> Picture:
+def photograph(data: ReportData, radiance: Image, white_cd_m2: float) -> str:
     """Return `radiance` as an sRGB picture; wide ones are averaged down, in linear light."""
-    height, width = radiance.shape[:2]
-    step = -(-width // MAX_WIDTH)
+    step = -(-radiance.shape[1] // MAX_WIDTH)
     if step > 1:
-        ones = np.ones((height, width, 1))
+        ones = np.ones((*radiance.shape[:2], 1))
         radiance = pool(np.nan_to_num(radiance), step) / pool(ones, step)
     matrix = rec709_from_working(data.chromaticities)
     pixels = srgb(radiance, white_cd_m2 / data.efficacy_lm_W, matrix)
-    return _encode(pixels, "jpeg" if step > 1 else "png", sharp=width < SHARP_WIDTH)
-
-
-def map_limit(result: Difference, least: float) -> float:
-    """Return the end of the colour bar: a round number that nearly all of the map lies within."""
-    sizes = np.abs(result.relative[np.isfinite(result.relative)])
-    extent = float(np.percentile(sizes, 99.5)) if sizes.size else 0.0
-    return min(nice_above(max(extent, least)), 1.0)
-
-
-def map_colours(count: int) -> list[str]:
-    """Return `count` colours of the difference map from darker to brighter, as #rrggbb."""
-    import matplotlib as mpl
-    from matplotlib.colors import to_hex
-
-    return [to_hex(c) for c in mpl.colormaps[COLOURS](np.linspace(0.0, 1.0, count))]
+    return _encode(pixels, "jpeg" if step > 1 else "png")
 
 
 def hatched(pixels: NDArray[Any], where: NDArray[Any]) -> NDArray[np.uint8]:
@@ -110,18 +83,17 @@ def hatched(pixels: NDArray[Any], where: NDArray[Any]) -> NDArray[np.uint8]:
     return np.where(where[..., None], hatch, pixels)
 
 
-def difference_picture(data: ReportData, result: Difference, limit: float) -> Picture:
+def difference_picture(data: ReportData, relative: Image, limit: float) -> str:
     """Return the map in colours; excluded pixels hatched, pixels outside the border clear."""
     import matplotlib as mpl
 
-    width = data.ours.shape[1]
+    height, width = relative.shape
     grow, step = max(1, MAP_WIDTH // width), -(-width // (2 * MAP_WIDTH))
-
-    def fit(values: NDArray[np.generic]) -> NDArray[np.generic]:
-        return np.repeat(np.repeat(values[::step, ::step], grow, 0), grow, 1)
-
-    shade = np.nan_to_num(result.relative / limit) * 0.5 + 0.5
-    pixels = fit(np.asarray(mpl.colormaps[COLOURS](np.clip(shade, 0.0, 1.0), bytes=True), np.uint8))
-    pixels = hatched(pixels, fit(~data.compared))
-    pixels[..., 3] = np.where(fit(data.inside), 255, 0)
-    return _encode(pixels, "png", sharp=False)  # hatching shrinks badly with hard pixels
+    size = -(-height // step) * grow, -(-width // step) * grow
+    value, out, inside = (
+        spread(plane[::step, ::step], grow, size)
+        for plane in (np.nan_to_num(relative / limit), ~data.compared, data.inside)
+    )
+    pixels = hatched(mpl.colormaps[COLOURS](value * 0.5 + 0.5, bytes=True), out)
+    pixels[..., 3] = np.where(inside, 255, 0)
+    return _encode(pixels, "png")
