@@ -258,7 +258,7 @@ class _Few:
         known = np.isfinite(self.exact)
         sent, arrived = self.sent / self.taken, self.arrived / self.taken
         tested, seen = (n.sum(axis=2, keepdims=True) - n for n in (self.tested, self.seen))
-        share = np.divide(seen, tested, out=np.zeros_like(seen), where=tested > 0.0)
+        share = np.divide(seen, tested, out=np.ones_like(seen), where=tested > 0.0)
         arrived += np.where(known, share * (self.exact - sent), 0.0)
         unoccluded = np.where(known, self.exact, sent).mean(axis=2)
         variance = STUDENT_15**2 * arrived.var(axis=2, ddof=1) / STREAMS
@@ -281,9 +281,12 @@ class _Few:
         shape = (len(rows), STREAMS, min(points, MAX_POINTS - int(taken.max())))
         if emitter.light.is_delta:
             shape = (len(rows), 1, 1)
-        place = (self.first + rows)[:, None, None], np.arange(shape[1])[:, None]
-        index = taken[..., None] + np.arange(shape[2])
-        uniform = Points(*(np.broadcast_to(x, shape).ravel() for x in (*place, index)), 0)
+        meter, stream, index = np.broadcast_arrays(
+            (self.first + rows)[:, None, None],
+            np.arange(shape[1])[:, None],
+            taken[..., None] + np.arange(shape[2]),
+        )
+        uniform = Points(meter.ravel(), stream.ravel(), index.ravel(), 0)
         u = uniform.pair(number)
         surface = self._surface(np.repeat(rows, shape[1] * shape[2]))
         sample = emitter.light.sample(surface.point, surface.normal, u)
