@@ -29,6 +29,7 @@ import numpy as np
 
 from ..photometry import MADE_FOR_BLENDER, parse_photometry
 from ..photometry.distribution import directions
+from ..photometry.grid import mirrored
 from ._base import Array, LightRecord, Model
 from ._distribution import Distribution
 
@@ -179,7 +180,7 @@ def _close(angle: float, to: float) -> bool:
 
 def _turned_a(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
     if _close(h[0], 0):
-        h, table = np.append(-h[:0:-1], h), np.concatenate([table[:0:-1], table])
+        h, table = mirrored(h, table, at_end=False)
     return 180 - h[::-1], v + 90, table[::-1]
 
 
@@ -190,9 +191,9 @@ def _turned_b(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
 
 
 def _both_sides(angle: Array, table: Array) -> tuple[Array, Array]:
-    if not _close(angle[0], 0):
-        return angle + 90.0, table
-    return 90.0 + np.append(-angle[:0:-1], angle), np.concatenate([table[:0:-1], table])
+    if _close(angle[0], 0):
+        angle, table = mirrored(angle, table, at_end=False)
+    return angle + 90.0, table
 
 
 def _turned_c(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
@@ -202,8 +203,7 @@ def _turned_c(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
         return np.array([0.0, 360.0]), v, np.repeat(table, 2, axis=0)
     for end in (90, 180):
         if _close(h[-1], end):
-            h = np.append(h, 2 * end - h[-2::-1])
-            table = np.concatenate([table, table[-2::-1]])
+            h, table = mirrored(h, table, at_end=True)
     gap = 360 - h[-1]
     steps = (h[-1] - h[-2], h[1] - h[0])
     if _close(h[0], 0) and not _close(gap, 0) and any(_close(step, gap) for step in steps):

@@ -27,7 +27,7 @@ def check(light: Distribution, name: str) -> tuple[Finding, ...]:
     if light.peak == 0:
         notes: list[Note] = [("dark", "error", "every intensity is 0", None)]
     else:
-        notes = [*_flux(light), *_power(light), *_table(light), *_aim(light), *_size(light)]
+        notes = [*_flux(light), *_power(light), *_table(light), *_shape(light)]
     return tuple(Finding(code, how, name, text, effect) for code, how, text, effect in notes)
 
 
@@ -58,14 +58,13 @@ def _flux(light: Distribution) -> Generator[Note]:
 def _power(light: Distribution) -> Generator[Note]:
     if light.input_power is None:
         yield "no-power", "warning", "no input power above 0 W, so no efficacy", None
-    elif light.radiometric:
-        if light.luminous_flux() > light.input_power:
-            yield "efficacy", "error", "more power goes out than goes in", None
-    else:
-        efficacy = light.luminous_flux() / light.input_power
-        if efficacy > WHITE_EFFICACY:
-            severity: Severity = "error" if efficacy > EFFICACY_LIMIT else "warning"
-            yield "efficacy", severity, f"{efficacy:.4g} lm/W is more than lamps can do", None
+        return
+    efficacy, text = light.luminous_flux() / light.input_power, "more power goes out than goes in"
+    if light.radiometric and efficacy > 1:
+        yield "efficacy", "error", text, None
+    elif not light.radiometric and efficacy > WHITE_EFFICACY:
+        severity: Severity = "error" if efficacy > EFFICACY_LIMIT else "warning"
+        yield "efficacy", severity, f"{efficacy:.4g} lm/W is more than lamps can do", None
 
 
 def _table(light: Distribution) -> Generator[Note]:
@@ -84,16 +83,13 @@ def _table(light: Distribution) -> Generator[Note]:
             yield "pole-differs", "warning", text, None
 
 
-def _aim(light: Distribution) -> Generator[Note]:
+def _shape(light: Distribution) -> Generator[Note]:
     i, j = np.unravel_index(int(light.intensity.argmax()), light.intensity.shape)
     cosines = np.cos(np.radians([light.longitude[i], light.latitude[j]]))
     off = float(np.degrees(np.arccos(cosines.prod())))
     if light.kind != "C" and off > AIM_DEG:
         text = f"the peak is {off:.3g}° off the axis that type {light.kind} aims"
         yield "peak-off-axis", "warning", text, None
-
-
-def _size(light: Distribution) -> Generator[Note]:
     opening = light.opening
     largest = max(opening.along_c0, opening.along_c90, opening.height)
     if largest > OPENING_LIMIT:

@@ -117,7 +117,7 @@ def _stated_flux(labels: Mapping[str, str], unit: float) -> float | None:
 
 
 def _factor(reader: Reader, numbers: Numbers, record: str, name: str) -> float:
-    value = numbers.one(record)
+    value = float(numbers.take(1, record)[0])
     if not value > 0:
         raise reader.refuse(f"a {name} of {value:g}", numbers.line, f"expected above 0 in {record}")
     return value

@@ -14,7 +14,12 @@ from .grid import SAME_DEG, check_range, in_order, light_of, unfold_planes
 from .text import NUMBER, Array, Reader
 
 MM = 1e-3
-SETS_LIMIT = 20  # the format's own
+COUNTS = (  # by line, with their limits
+    (3, "the symmetry indicator 0 to 4", 0, 4),
+    (4, "the number of C planes", 1, 721),
+    (6, "the number of angles in a plane", 2, 3601),
+    (26, "the number of lamp sets", 1, 20),
+)
 FIRST_SET = 27  # line of the first lamp set, six lines each
 RATIOS = 10  # of direct light in rooms, which nobody needs
 # First and last C plane in the file, by symmetry indicator.
@@ -27,17 +32,14 @@ class LampSet(NamedTuple):
     absolute: bool
     lamps: str
     flux: float  # [lm] of all its lamps
-    power: float  # [W]
+    power: float | None  # [W]
 
 
 def parse_ldt(reader: Reader, lamp_set: int = 1) -> Distribution:
     """Return the distribution of an EULUMDAT file with one of its lamp sets (from 1)."""
     reader.lines = [text.strip() for text in reader.lines]
     _start_at_first_line(reader)
-    symmetry = _whole(reader, 3, "the symmetry indicator 0 to 4", 0, 4)
-    n_planes = _whole(reader, 4, "the number of C planes", 1, 721)
-    n_gamma = _whole(reader, 6, "the number of angles in a plane", 2, 3601)
-    n_sets = _whole(reader, 26, "the number of lamp sets", 1, SETS_LIMIT)
+    symmetry, n_planes, n_gamma, n_sets = (_whole(reader, *count) for count in COUNTS)
     sets = [_lamp_set(reader, FIRST_SET + 6 * i) for i in range(n_sets)]
     if lamp_set > n_sets:
         where = FIRST_SET - 1
@@ -68,7 +70,7 @@ def parse_ldt(reader: Reader, lamp_set: int = 1) -> Distribution:
         lamp_flux=None if lamp.absolute else lamp.flux,
         declared_flux=lamp.flux * (1.0 if lamp.absolute else ratio) or None,
         downward_fraction=_lenient(reader, 22) / 100 if reader.lines[21] else None,
-        input_power=lamp.power if lamp.power > 0 else None,
+        input_power=lamp.power,
         findings=tuple(reader.findings),
     )
 
@@ -117,20 +119,20 @@ def _lamp_set(reader: Reader, line: int) -> LampSet:
     if count == 0:
         reader.note("no-lamps", "warning", f"no lamps in line {line}; the flux of the set counts")
     name = f"{abs(count):g} × {reader.lines[line]}"
-    return LampSet(count < 0, name, flux, _lenient(reader, line + 5))
+    power = _lenient(reader, line + 5)
+    return LampSet(count < 0, name, flux, power if power > 0 else None)
 
 
 def _conversion(reader: Reader) -> float:
     """Return the factor on the intensities that the measurement asks for."""
-    text = reader.lines[23]
-    factor = _number(reader, 24, "the conversion factor of the intensities") if text else 0.0
+    given = "the conversion factor of the intensities"
+    factor = _number(reader, 24, given) if reader.lines[23] else 0.0
     if factor < 0:
         raise reader.refuse(f"a conversion factor of {factor:g}", 24, "expected above 0")
     if factor == 0:
         reader.note("conversion-factor", "warning", "no conversion factor; taken as 1")
     elif factor != 1:
-        message = f"intensities are times the conversion factor {factor:g}"
-        reader.note("conversion-factor", "info", message, 100 * (factor - 1))
+        reader.note("conversion-factor", "info", f"{given} is {factor:g}", 100 * (factor - 1))
     return factor or 1.0
 
 

@@ -56,8 +56,12 @@ def write_polar(light: Distribution, path: str | os.PathLike[str], unit: Unit = 
             axes.fill(np.radians(gamma), values, color=colour, alpha=0.07, linewidth=0)
     _rings(axes, nice_above(top))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, frameon=False)
-    figure.suptitle(_shortened(light.name), fontsize=12)
-    axes.set_title(_caption(light, text), fontsize=9, color="#444444")
+    name = light.name if len(light.name) <= 64 else f"{light.name[:63]}…"
+    figure.suptitle(name.replace("$", r"\$"), fontsize=12)
+    amount = f"{light.luminous_flux():.5g} {'W' if light.radiometric else 'lm'}"
+    text += " of the lamps" if text == "cd/klm" and light.lamp_flux else ""
+    caption = f"{text} · {amount} · {light.format}, type {light.kind}"
+    axes.set_title(caption, fontsize=9, color="#444444")
     vector = Path(path).suffix.lower() == ".svg"
     options: dict[str, Any] = {"metadata": {"Date": None}} if vector else {"dpi": 150}
     with mpl.rc_context({"svg.hashsalt": "polar"}), atomic_path(path) as target:
@@ -74,14 +78,3 @@ def _rings(axes: PolarAxes, top: float) -> None:
     axes.set_rgrids(rings, [f"{value:g}" for value in rings], angle=15, fontsize=8)
     axes.grid(color="#cccccc", linewidth=0.6)
     axes.spines["polar"].set_color("#999999")
-
-
-def _caption(light: Distribution, unit: str) -> str:
-    flux = light.luminous_flux()
-    amount = f"{flux:.4g} W" if light.radiometric else f"{flux:.5g} lm"
-    per = " of the lamps" if unit == "cd/klm" and light.lamp_flux else ""
-    return f"{unit}{per} · {amount} · {light.format}, type {light.kind}"
-
-
-def _shortened(name: str) -> str:
-    return name.replace("$", r"\$") if len(name) <= 64 else name[:63].replace("$", r"\$") + "…"

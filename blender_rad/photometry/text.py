@@ -85,9 +85,6 @@ class Numbers:
     def __init__(self, reader: Reader, tokens: Iterable[tuple[int, str]]) -> None:
         self._reader, self._tokens, self._at = reader, list(tokens), 0
 
-    def __len__(self) -> int:
-        return len(self._tokens) - self._at
-
     @property
     def line(self) -> int:
         """The line of the number taken last."""
@@ -104,13 +101,9 @@ class Numbers:
         self._at += count
         return np.array(values, dtype=np.float64)
 
-    def one(self, what: str) -> float:
-        """Return the next number."""
-        return float(self.take(1, what)[0])
-
     def choice(self, what: str, low: int, high: int | None = None) -> int:
         """Return the next number, which has to be a whole one from `low` to `high`."""
-        value = self.one(what)
+        value = self.take(1, what)[0]
         if value != int(value) or value < low or (high is not None and value > high):
             limits = f"of at least {low}" if high is None else f"{low} to {high}"
             expected = f"expected {what}, a whole number {limits}"
@@ -119,7 +112,7 @@ class Numbers:
 
     def note_rest(self) -> None:
         """Keep a finding of what stands after the last number that means something."""
-        if len(self):
+        if self._at < len(self._tokens):
             line, token = self._tokens[self._at]
             rest = f"after the end of the table, {token[:30]!r} in line {line}, is ignored"
             if NUMBER.fullmatch(token):
