@@ -164,7 +164,8 @@ def _row(
     if len(sources) == count and np.ptp(fluxes) > SAME * np.abs(fluxes).max():
         low, high = fluxes.min(), fluxes.max()
         notes.append(f"its {count} instances differ, {low:.4g} to {high:.4g} W: this is the mean")
-    if efficacy == K_M and any(values[luminous] for _, luminous in KEYS):
+    ies = isinstance(first.light, Light) and first.light.distribution is not None
+    if efficacy == K_M and not ies and any(values[luminous] for _, luminous in KEYS):
         notes += [PHOTOPIC, _spectrum(first.kind, temperature)]
     return {**row, "notes": list(dict.fromkeys(notes))}
 
@@ -233,8 +234,8 @@ def _notes(source: _Source, weights: Array, metre: float) -> Iterator[str]:
         if light.distribution is not None:
             yield (
                 "its IES file's candela are W/sr over "
-                f"{EFFICACIES_LM_W['cycles-ies']} lm/W in Cycles (--efficacy cycles-ies), over "
-                f"{K_M} in the physical model; declared lumens, TILT and sizes have no part in it"
+                f"{EFFICACIES_LM_W['cycles-ies']} lm/W in Cycles (--efficacy cycles-ies), "
+                f"which looks at no TILT or size; over {K_M} in the physical model"
             )
         if not light.cast_shadow:
             yield "casts no shadow: it lights what is behind walls too"
