@@ -10,10 +10,10 @@ parameter           unit                    meaning
 
 Derivation. Each triangle is a Lambert polygon; E = L Σ |E_i| over the triangles, since each shines
 from both faces. Triangles are unoccluded by one another here: what hides what is the estimator's
-to find. Each face emits πLA, so Φ = 2πLA; of a closed mesh half of that hits its own inside and
-`leaving_flux` is the rest. Up to 64 triangles are summed in closed form; samples pick triangles by
-area, and their density is that of the triangle picked alone. The radiance is the same in both
-models.
+to find. To points on itself a triangle sends nothing. Each face emits πLA, so Φ = 2πLA; of a closed
+mesh half of that hits its own inside and `leaving_flux` is the rest. Up to 64 triangles are summed
+in closed form; samples pick triangles by area, and their density is that of the triangle picked
+alone. The radiance is the same in both models.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightSample
 
 CLOSED_FORM_TRIANGLES = 64  # above it, summing polygons costs more than sampling is worth
+ON_IT = 1e-6  # in units of the root of a triangle's area: points so near its plane lie in it
 FAR_POINTS, FAR_DIRECTIONS = (
     1024,
     128,
@@ -96,8 +97,10 @@ class MeshLight(Light):
         if len(self.triangles) > CLOSED_FORM_TRIANGLES:
             return None
         total = np.zeros(len(points))
-        for triangle in self.triangles:
-            total += np.abs(geometry.polygon_irradiance(triangle, points, normals))
+        for triangle, normal in zip(self.triangles, self._normals, strict=True):
+            off = np.abs((points - triangle[0]) @ normal) > ON_IT * (normal @ normal) ** 0.75
+            each = np.abs(geometry.polygon_irradiance(triangle, points, normals))
+            total += np.where(off, each, 0.0)
         return total
 
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:

@@ -156,8 +156,8 @@ def two_materials() -> None:
 
 
 def emission_and_diffuse() -> None:
-    """A material that adds emission to Lambert reflection."""
-    box = stage(location=(0.2, -0.2, 0.8))
+    """A material that adds emission to Lambert reflection; in no plane of the axes."""
+    box = stage(location=(0.2, -0.2, 0.8), rotation_euler=(0.3, 0.2, 0.5))
     tree = box.data.materials[0].node_tree
     glow, add_shader = (tree.nodes.new(f"ShaderNode{n}") for n in ("Emission", "AddShader"))
     glow.inputs["Strength"].default_value = 2.0
