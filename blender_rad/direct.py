@@ -8,8 +8,8 @@ unoccluded irradiance E₀ is known in closed form it serves as a control variat
 
     Ê = c E₀ + f (V - c),
 
-with c the share of the samples of the *other* streams of the same pixel, so far, that see the
-light. c does not depend on f or V, so Ê is unbiased; it is exact without noise where the light is
+with c = Σ f V / Σ f over the samples of the *other* streams of the same pixel, so far: the share of
+the light that they see. c does not depend on f or V, so Ê is unbiased; it is exact without noise where the light is
 all visible (c = V = 1) or all hidden (c = V = 0), and in between only what visibility leaves open
 is noisy. c gathers over the streams' whole history: samples of one index in two streams follow the
 same pattern of digits, and the mean of c (E₀ - f) over equal indices would not fall with their
@@ -97,11 +97,11 @@ class Arrival(NamedTuple):
     exclusions: list[Exclusion]
 
 
-Share = Callable[[int, Ints, Bools], Floats]  # emitter's number, points lit (k,), seen (k,) -> (n,)
+Share = Callable[[int, Floats, Floats], Floats]  # emitter's number, f (n,), f V (n,) -> c (n,)
 
 
 class Sightings:
-    """How often the streams of a pixel, or of a meter, have seen each emitter.
+    """How much of each emitter the streams of a pixel have seen.
 
     Parameters
     ----------
@@ -109,20 +109,27 @@ class Sightings:
     """
 
     def __init__(self, emitters: int, places: int, streams: int) -> None:
-        self._counts = np.zeros((emitters, places, streams), dtype=np.uint32)
+        self._sums = np.zeros((emitters, places * streams, 2), dtype=np.float32)  # f, f V
+        self._streams = streams
 
-    def share(self, place: Ints, stream: Ints, number: int, lit: Ints, seen: Bools) -> Floats:
-        """Count the samples `lit`, no two of one stream, and return c (n,); 1 before any is known.
+    def share(
+        self, place: Ints, stream: Ints, number: int, value: Floats, reaching: Floats
+    ) -> Floats:
+        """Add f and f V (n,), no two of one stream, and return c (n,); 1 before any is known.
 
-        `place` and `stream` (n,) tell where samples belong. A word counts those hidden, and in its
-        upper half those seen.
+        `place` and `stream` (n,) tell where samples belong.
         """
-        counts = self._counts[number]
-        counts[place[lit], stream[lit]] += np.where(seen, 1 << 16, 1).astype(np.uint32)
-        others = sum(counts.take(place, axis=0).T) - counts[place, stream]
-        shown = others >> np.uint32(16)
-        tested = shown + (others & np.uint32(0xFFFF))
-        return np.where(tested > 0, shown / np.maximum(tested, 1), 1.0)
+        sums, own = self._sums[number], place * self._streams + stream
+        known = sums.take(own, axis=0)
+        known[:, 0] += value
+        known[:, 1] += reaching
+        sums[own] = known
+        found = np.zeros((len(own), 2), dtype=np.float32)
+        for other in range(1, self._streams):
+            turned = (stream + other) % self._streams
+            found += sums.take(own + (turned - stream), axis=0)
+        whole, seen = found.T
+        return np.where(whole > 0.0, seen / np.where(whole > 0.0, whole, 1.0), 1.0)
 
 
 class DirectLight:
@@ -170,7 +177,7 @@ class DirectLight:
             exact = self._exact(emitter, surface)
             if exact is not None:
                 known = np.isfinite(exact)
-                control = share(number, lit, seen)
+                control = share(number, value, irradiance)
                 irradiance += np.where(known, control * (np.where(known, exact, 0.0) - value), 0.0)
             yield Arrival(emitter, irradiance, exclusions)
 

@@ -21,7 +21,7 @@ from mathutils import Matrix
 WIDTH, DEPTH, HEIGHT = 6.0, 4.4, 2.8
 TOP = 0.74  # of the desks
 NEUTRAL, WARM, SKY = (1.0, 0.96, 0.9), (1.0, 0.8, 0.55), (0.62, 0.8, 1.0)
-SKY_RADIANCE, DOWNLIGHT_RADIANCE, PANEL_POWER, GLOBE_POWER = 0.1, 12.0, 16.0, 60.0
+SKY_RADIANCE, DOWNLIGHT_RADIANCE, PANEL_POWER, GLOBE_POWER = 1.5, 30.0, 16.0, 60.0
 WINDOW = (0.9, 2.3, 0.7, 3.7)  # z0, z1, y0, y1 in the wall x = 0
 PANELS = [(x, y) for x in (1.5, 3.0, 4.5) for y in (1.3, 3.1)]
 DOWNLIGHTS = [(0.5, 1.2), (0.5, 2.2), (0.5, 3.2)]
