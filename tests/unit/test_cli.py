@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shlex
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -59,26 +61,19 @@ def complaint(capsys: pytest.CaptureFixture[str], *argv: str) -> str:
     assert cli.run(argv) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.startswith("blender-rad: error: ")
-    assert err.count("\n") == 1
+    assert re.fullmatch(r"blender-rad: error: [^\n]+, [^\n]+, [^\n]+\n", err), err
     return err
 
 
 @pytest.mark.parametrize("verb", sorted(COMMANDS))
-def test_help_of_every_verb(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_verb_is_named_as_its_file_and_has_help(
+    verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert COMMANDS[verb].__module__ == f"blender_rad.commands.{verb}"
     assert cli.run([verb, "-h"]) == 0
     assert COMMANDS[verb].__doc__.partition("\n")[0][:40] in capsys.readouterr().out
-
-
-def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["--help"]) == 0
-    out = capsys.readouterr().out
-    assert all(f"\n  {verb} " in out for verb in COMMANDS)
-
-
-@pytest.mark.parametrize("verb", sorted(COMMANDS))
-def test_a_verb_is_named_as_its_file(verb: str) -> None:
-    assert COMMANDS[verb].__module__ == f"blender_rad.commands.{verb}"
+    assert f"\n  {verb} " in capsys.readouterr().out
 
 
 def test_help_loads_nothing_heavy() -> None:
@@ -92,36 +87,60 @@ def test_help_loads_nothing_heavy() -> None:
     assert result.stderr.strip() == ""
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--resolution", "0x10"], ["'0x10' is not allowed", "--resolution", "WIDTHxHEIGHT"]),
-        (["--resolution", "640"], ["--resolution", "WIDTHxHEIGHT"]),
-        (["--samples", "0"], ["--samples", "at least 1"]),
-        (["--samples", "1.5"], ["--samples", "whole number"]),
-        (["--tolerance", "1"], ["--tolerance", "above 0 and below 1"]),
-        (["--tolerance", "-0.1"], ["'-0.1'", "--tolerance"]),
-        (["--tolerance", "nan"], ["--tolerance"]),
-        (["--confidence", "0.5"], ["--confidence", "above 0.5 and below 1"]),
-        (["--threads", "0"], ["--threads", "at least 1"]),
-        (["--frame", "1048575"], ["--frame", "at most 1048574"]),
-        (["--frames", "9-3"], ["--frames", "FIRST-LAST"]),
-        (["--frames", "3", "--frame", "3"], ["--frame and --frames", "exclude each other"]),
-        (["--against", "cycles,povray"], ["--against", "cycles, radiance, mitsuba"]),
-        (["--efficacy", "0"], ["--efficacy", "photopic, cycles-ies, radiance"]),
-        (["--shading", "wood"], ["--shading", "full, clay"]),
-        (["--camera", ""], ["--camera", "a name"]),
-        (["--exposure", "2"], ["--exposure", "--render"]),
-        (["--render", "none.exr"], ["no such file", "none.exr"]),
-        (["--toleranc", "0.1"], ["unrecognized", "check --help"]),
-        (["--samples"], ["--samples", "expected one argument"]),
-    ],
-)
+BAD = {
+    "--resolution 0x10": "'0x10' is not allowed|--resolution|WIDTHxHEIGHT",
+    "--resolution 640": "--resolution|WIDTHxHEIGHT",
+    "--resolution big": "--resolution",
+    "--resolution -4x10": "--resolution",
+    "--resolution 4x4x4": "--resolution",
+    "--resolution 1000000x1000000": "--resolution",
+    "--samples 0": "--samples|at least 1",
+    "--samples 1.5": "--samples|whole number",
+    "--samples": "--samples|expected one argument",
+    "--threads -1": "--threads|at least 1",
+    "--frame 1048575": "--frame|at most 1048574",
+    "--frame=-1048575": "--frame",
+    "--frame first": "--frame",
+    "--model blue": "--model|cycles, physical",
+    "--shading wood": "--shading|full, clay",
+    "--efficacy 0": "--efficacy|photopic, cycles-ies, radiance",
+    "--efficacy bright": "--efficacy",
+    "--efficacy nan": "--efficacy",
+    "--camera ''": "--camera|a name",
+    "check --tolerance 1": "--tolerance|above 0 and below 1",
+    "check --tolerance -0.1": "'-0.1'|--tolerance",
+    "check --tolerance nan": "--tolerance",
+    "check --toleranc 0.1": "unrecognized|check --help",
+    "check --confidence 0.5": "--confidence|above 0.5 and below 1",
+    "check --frames 9-3": "--frames|FIRST-LAST",
+    "check --frames 1-": "--frames",
+    "check --frames 1-2000000": "--frames",
+    "check --frames 3 --frame 3": "--frame and --frames|exclude each other",
+    "check --against cycles,povray": "--against|cycles, radiance, mitsuba",
+    "check --against ''": "--against",
+    "check --exposure 2": "--exposure|--render",
+    "check --exposure -2": "'-2'|--exposure",
+    "check --render none.exr": "no such file|none.exr",
+    "check --render": "--render",
+    "check --witness-settings mine": "reference, file",
+    "check --witness-scene none.blend": "no such file|none.blend",
+    "render --error inf": "--error",
+    "render --error=-0.1": "--error",
+    "render --error 0.1 --samples 4": "--error and --samples",
+    "render --time-limit 0": "--time-limit",
+    "render --passes ''": "--passes",
+}
+
+
+@pytest.mark.parametrize("options", BAD)
 def test_bad_options_are_one_line(
-    options: list[str], words: list[str], scene: str, capsys: pytest.CaptureFixture[str]
+    options: str, scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = complaint(capsys, "check", scene, *options)
-    assert all(word in line for word in words), line
+    verb, dashes, rest = options.partition("--")
+    verb = verb.strip() or "render"
+    output = ["-o", str(tmp_path / "a.exr")] if verb == "render" else []
+    line = complaint(capsys, verb, scene, *output, *shlex.split(dashes + rest))
+    assert all(word in line for word in BAD[options].split("|")), line
 
 
 def test_bad_scenes_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -140,14 +159,16 @@ def test_an_unknown_verb_lists_those_that_exist(capsys: pytest.CaptureFixture[st
 def test_outputs_are_checked_before_the_work(
     scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert ".exr" in complaint(capsys, "render", scene, "-o", str(tmp_path / "a.png"))
-    assert "cannot write" in complaint(
-        capsys, "render", scene, "-o", str(tmp_path / "no" / "a.exr")
-    )
-    assert "cannot write" in complaint(capsys, "check", scene, "--report", f"{scene}/below")
+    (tmp_path / "folder.exr").mkdir()
+    for bad in ("a.png", "a.blend", "no/a.exr", "a.blend/a.exr", "folder.exr", "/proc/no/a.exr"):
+        assert "cannot write" in complaint(capsys, "render", scene, "-o", str(tmp_path / bad))
+    for bad in (f"{scene}/below", scene):
+        assert "cannot write" in complaint(capsys, "check", scene, "--report", bad)
     assert "--output" in complaint(capsys, "render", scene)
-    good = ["render", scene, "-o", str(tmp_path / "a.exr")]
-    assert "--error and --samples" in complaint(capsys, *good, "--error", "0.1", "--samples", "4")
+    picture = tmp_path / "cycles.exr"
+    picture.touch()
+    overwriting = ("--render", str(picture), "--report", str(tmp_path))
+    assert "would overwrite" in complaint(capsys, "check", scene, *overwriting)
 
 
 @pytest.mark.usefixtures("probe")
