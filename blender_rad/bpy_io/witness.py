@@ -30,10 +30,21 @@ _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 _ALWAYS: dict[str, Any] = {
     "render.engine": "CYCLES",
     "render.use_persistent_data": True,  # see `CyclesWitness.render`
-    **dict.fromkeys((f"render.use_{name}" for name in (
-        "compositing", "sequencer", "motion_blur", "multiview", "freestyle", "stamp",
-        "crop_to_border",
-    )), False),
+    **dict.fromkeys(
+        (
+            f"render.use_{name}"
+            for name in (
+                "compositing",
+                "sequencer",
+                "motion_blur",
+                "multiview",
+                "freestyle",
+                "stamp",
+                "crop_to_border",
+            )
+        ),
+        False,
+    ),
     "render.image_settings.media_type": "IMAGE",  # from Blender 5
     "render.image_settings.file_format": "OPEN_EXR",
     "render.image_settings.color_mode": "RGBA",
@@ -54,16 +65,47 @@ _ALWAYS: dict[str, Any] = {
 # and 8 seeds z² of a frame was 3.1 where 1.4 is due; blue noise kept to it). Pixel jitter is from
 # Blender 5.
 _REFERENCE: dict[str, Any] = {
-    **dict.fromkeys((f"cycles.{kind}_bounces" for kind in (
-        "max", "diffuse", "glossy", "transmission", "volume",
-    )), 0),
-    **dict.fromkeys((f"cycles.{name}" for name in (
-        "use_fast_gi", "use_denoising", "use_adaptive_sampling", "use_guiding", "use_pixel_jitter",
-        "auto_scrambling_distance", "use_camera_cull", "use_distance_cull",
-    )), False),
-    **dict.fromkeys((f"cycles.{name}" for name in (
-        "sample_clamp_direct", "sample_clamp_indirect", "light_sampling_threshold", "time_limit",
-    )), 0.0),
+    **dict.fromkeys(
+        (
+            f"cycles.{kind}_bounces"
+            for kind in (
+                "max",
+                "diffuse",
+                "glossy",
+                "transmission",
+                "volume",
+            )
+        ),
+        0,
+    ),
+    **dict.fromkeys(
+        (
+            f"cycles.{name}"
+            for name in (
+                "use_fast_gi",
+                "use_denoising",
+                "use_adaptive_sampling",
+                "use_guiding",
+                "use_pixel_jitter",
+                "auto_scrambling_distance",
+                "use_camera_cull",
+                "use_distance_cull",
+            )
+        ),
+        False,
+    ),
+    **dict.fromkeys(
+        (
+            f"cycles.{name}"
+            for name in (
+                "sample_clamp_direct",
+                "sample_clamp_indirect",
+                "light_sampling_threshold",
+                "time_limit",
+            )
+        ),
+        0.0,
+    ),
     "cycles.film_exposure": 1.0,
     "cycles.pixel_filter_type": "BOX",
     "cycles.sampling_pattern": "BLUE_NOISE",
@@ -160,12 +202,18 @@ class CyclesWitness:
             return _read(file)
 
     def _render_to(self, file: Path) -> None:
+        where, handlers = f"scene {self.bl_scene.name!r}", bpy.app.handlers.render_complete
+        finished: list[object] = []
+        handlers.append(note := lambda *said: finished.append(said))
         try:
             bpy.ops.render.render(scene=self.bl_scene.name)
         except RuntimeError as error:
             said = " ".join(str(error).split()).removeprefix("Error: ")
-            where = f"scene {self.bl_scene.name!r}"
             raise RadError("Cycles cannot render", where, f"it says: {said}") from error
+        finally:
+            handlers.remove(note)
+        if not finished:
+            raise RadError("Cycles stopped before the picture was done", where, "expected it whole")
         result = next(i for i in bpy.data.images if i.type == 'RENDER_RESULT')
         result.save_render(str(file), scene=self.bl_scene)
 
