@@ -199,7 +199,12 @@ class CyclesWitness:
             file = Path(folder) / "witness.exr"
             with quiet_stdout():
                 self._render_to(file)
-            return _read(file)
+            picture = _read(file)
+        if not picture.any() and not self.bl_scene.render.film_transparent:
+            where = f"scene {self.bl_scene.name!r}"
+            expected = "expected some alpha at least; is there memory for it?"
+            raise RadError("Cycles gave an empty picture", where, expected)
+        return picture
 
     def _render_to(self, file: Path) -> None:
         where, handlers = f"scene {self.bl_scene.name!r}", bpy.app.handlers.render_complete
