@@ -182,6 +182,7 @@ def build() -> list[kit.Answer]:
     kit.camera((5.75, 0.25, 1.75), (1.7, 3.3, 1.15), 19)
     answers: list[kit.Answer] = []
     for number, place in enumerate(METERS, 1):
+        kit.put(f"Meter desk {number}", None, Matrix.Translation(place))
         terms = [(kit.polygon(corners, place), radiance) for radiance, corners in shining]
         terms.append((GLOBE_POWER * kit.point(GLOBE, place), WARM))
         answers.append(kit.Answer(f"desk {number}", place, kit.UP, kit.total(terms)))
