@@ -197,13 +197,9 @@ class LuxMeter:
         for start, part in zip(starts, parts, strict=True):
             for cause, mask in part.excluded.items():
                 masks[cause][start : start + size] = mask
-        return Readings(
-            np.concatenate([part.irradiance for part in parts]),
-            np.concatenate([part.lights for part in parts]),
-            np.concatenate([part.standard_error for part in parts]),
-            np.concatenate([part.unreached for part in parts]),
-            masks,
-        )
+        *columns, _ = zip(*parts, strict=True)
+        irradiance, lights, error, unreached = map(np.concatenate, columns)
+        return Readings(irradiance, lights, error, unreached, masks)
 
 
 class _Few:
@@ -300,8 +296,10 @@ class _Few:
                 mask = self.excluded.setdefault(exclusion.cause, np.zeros(len(self.points), bool))
                 mask[rows[exclusion.rows // (shape[1] * shape[2])]] = True
         for sums, values in (
-            (self.sent, sent), (self.tested, sent > 0.0),
-            (self.arrived, arrived), (self.seen, arrived > 0.0),
+            (self.sent, sent),
+            (self.tested, sent > 0.0),
+            (self.arrived, arrived),
+            (self.seen, arrived > 0.0),
         ):
             sums[number, rows] += values.reshape(shape).sum(axis=2)
         self.taken[number, rows] += shape[2]

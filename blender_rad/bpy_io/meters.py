@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -24,24 +23,24 @@ def marked_meters(bl_scene: Any) -> list[str]:
 
 def meter_places(bl_scene: Any, names: tuple[str, ...]) -> tuple[Floats, Floats]:
     """Return origins (n, 3) [bu] and unit local +Z axes (n, 3) of objects, in the world."""
-    found = [_find(bl_scene, name, "meter", _is_likely) for name in names]
+    found = [_find(bl_scene, name, "meter", 'EMPTY') for name in names]
     worlds = _worlds(bl_scene, found)
     return worlds[:, :3, 3], np.array([_axis(w, o) for w, o in zip(worlds, found, strict=True)])
 
 
-def rectangle(bl_scene: Any, name: str) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return a corner [bu], two edges [bu] and the unit +Z axis (3,) of a mesh's XY rectangle.
+def rectangle(bl_scene: Any, name: str) -> tuple[Floats, Floats]:
+    """Return a mesh's XY rectangle: a corner and two edges (3, 3) [bu]; and its unit +Z axis (3,).
 
     It lies at the mesh's highest local Z; modifiers do not count.
     """
-    found = _find(bl_scene, name, "grid", lambda o: o.type == "MESH")
+    found = _find(bl_scene, name, "grid", 'MESH')
     if found.type != "MESH" or not len(found.data.vertices):
         raise RadError("not a rectangle", f"--grid {name}", "expected a mesh with vertices")
     points = floats(found.data.vertices, "co", 3).astype(np.float64)
     (x0, y0, _), (x1, y1, z) = points.min(axis=0), points.max(axis=0)
     world = _worlds(bl_scene, [found])[0]
-    corner = world[:3, :3] @ (x0, y0, z) + world[:3, 3]
-    return corner, world[:3, 0] * (x1 - x0), world[:3, 1] * (y1 - y0), _axis(world, found)
+    edges = np.array([(x0, y0, z, 1), (x1 - x0, 0, 0, 0), (0, y1 - y0, 0, 0)])
+    return edges @ world[:3].T, _axis(world, found)
 
 
 def _is_marked(bl_object: Any) -> bool:
@@ -49,18 +48,14 @@ def _is_marked(bl_object: Any) -> bool:
     return named or MARK in bl_object
 
 
-def _is_likely(bl_object: Any) -> bool:
-    return bl_object.type == "EMPTY" or _is_marked(bl_object)
-
-
-def _find(bl_scene: Any, name: str, kind: str, likely: Callable[[Any], bool]) -> Any:
+def _find(bl_scene: Any, name: str, kind: str, bl_type: str) -> Any:
     """Return an object by name; where it is unknown, name the likely ones."""
     for found in bl_scene.objects:
         if found.name == name:
             return found
-    chosen = [o.name for o in bl_scene.objects if likely(o)]
-    where = f"scene {bl_scene.name!r}"
-    raise unknown_name(kind, name, where, chosen or [o.name for o in bl_scene.objects])
+    likely = [o.name for o in bl_scene.objects if o.type == bl_type or MARK in o]
+    names = likely or [o.name for o in bl_scene.objects]
+    raise unknown_name(kind, name, f"scene {bl_scene.name!r}", names)
 
 
 def _axis(world: Floats, bl_object: Any) -> Floats:

@@ -36,11 +36,9 @@ def scale_power(bl_scene: Any, name: str, factor: float) -> float:
     bl_object = next(local, None)
     if bl_object is None and name == WORLD_NAME:
         return _scale_world(bl_scene, factor)
-    if bl_object is None:
-        raise _linked(name)
-    if bl_object.type != "LIGHT":
+    if bl_object and bl_object.type != "LIGHT":
         return _scale_mesh(bl_object, factor)
-    if bl_object.data.library:
+    if bl_object is None or bl_object.data.library:
         raise _linked(name)
     if bl_object.data.users > 1:
         bl_object.data = bl_object.data.copy()
@@ -54,8 +52,8 @@ def check_powers(bl_scene: Any, before: Scene, factors: dict[str, float]) -> Non
     found = _emission(read_scene(bl_scene, model=before.model))
     for name, rgb in wanted.items():
         if not np.allclose(found.get(name, np.zeros(3)), rgb, rtol=KEPT, atol=1e-30):
-            expected = "expected a plain one: not animated, driven, or made by geometry nodes"
-            raise RadError("its power cannot be set", f"light {name!r}", expected)
+            plain = "a plain one: not animated, driven, or made by geometry nodes"
+            raise _fixed(f"light {name!r}", plain)
 
 
 def save_copy(path: Path) -> None:
@@ -76,6 +74,10 @@ def _emission(scene: Scene) -> dict[str, Any]:
 def _linked(name: str) -> RadError:
     expected = "expected data of this file: make it local, or solve in the file that it is from"
     return RadError("linked data cannot be changed", f"light {name!r}", expected)
+
+
+def _fixed(where: str, expected: str) -> RadError:
+    return RadError("its power cannot be set", where, f"expected {expected}")
 
 
 def _scale_world(bl_scene: Any, factor: float) -> float:
@@ -103,8 +105,7 @@ def _scale_mesh(bl_object: Any, factor: float) -> float:
             slot.material = material
         strengths.append(_scale_tree(material, factor))
     if not strengths:
-        expected = "expected an emitting material in its slots"
-        raise RadError("its power cannot be set", f"light {bl_object.name!r}", expected)
+        raise _fixed(f"light {bl_object.name!r}", "an emitting material in its slots")
     return strengths[0]
 
 
@@ -120,8 +121,7 @@ def _scale_tree(block: Any, factor: float) -> float:
         if not value:
             continue
         if leaf.groups:
-            expected = "expected its emission outside node groups: ungroup it"
-            raise RadError("its power cannot be set", f"{block.name!r}", expected)
+            raise _fixed(repr(block.name), "its emission outside node groups: ungroup it")
         socket = leaf.node.inputs[names[0]]
         for link in list(socket.links):
             tree.links.remove(link)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, NamedTuple, cast
 
@@ -27,6 +27,15 @@ class Outcome(NamedTuple):
     document: Mapping[str, object]
     text: str
     code: int = 0
+
+
+def aligned(rows: Iterable[Sequence[str]], left: int = 1) -> list[str]:
+    """Return rows as lines of aligned columns, the first `left` of them to the left."""
+    columns = [
+        [f"{cell:{'<' if k < left else '>'}{max(map(len, column))}}" for cell in column]
+        for k, column in enumerate(zip(*rows, strict=True))
+    ]
+    return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
 
 
 def option(

@@ -78,7 +78,7 @@ def integer(low: int, high: int | None = None) -> Parse:
 def number(low: float = -math.inf, high: float = math.inf, *, closed: bool = False) -> Parse:
     """Return a parser of a finite number, both ends excluded unless `closed`."""
     limits = [f"above {low:g}"] * (low > -math.inf) + [f"below {high:g}"] * (high < math.inf)
-    words = f"{low:g} to {high:g}" if closed else " and ".join(limits)
+    words = f"{low:g} to {high:g}".replace("to inf", "or more") if closed else " and ".join(limits)
     return _parser(
         f"a number {words}".strip(),
         float,

@@ -13,7 +13,7 @@ from ..atomic import atomic_path
 from ..errors import Finding, RadError
 from ..strict_json import dumps, plain
 from . import _values as values
-from ._base import Outcome, option
+from ._base import Outcome, aligned, option
 from ._scene import PictureCommand
 
 if TYPE_CHECKING:
@@ -181,9 +181,7 @@ class CheckOptions(PictureCommand, verb="check"):
         own = bl_scene.cycles.samples if self.witness_settings == "file" else None
         return witness, check.against(witness, self.samples or own)
 
-    def _write(
-        self, folder: Path, document: dict[str, Any], scene: Scene, result: Result
-    ) -> None:
+    def _write(self, folder: Path, document: dict[str, Any], scene: Scene, result: Result) -> None:
         """Write the five files; `report.json` last, so that where it is, all are."""
         from ..exr import PASSES, film_channels, film_header, write_exr
         from ..report import ReportData, write_report
@@ -241,15 +239,14 @@ def _outcome(document: dict[str, Any]) -> Outcome:
 
 def _table(document: dict[str, Any]) -> str:
     """Return the verdict and the lights as a short table."""
-    lines = [document["verdict"], ""]
-    width = max((len(light["name"]) for light in document["lights"]), default=5)
-    lines.append(f"{'light':{width}}  {'type':5}  share  in witness       verdict")
+    rows = [["light", "type", "share", "in witness", "verdict"]]
     for light in document["lights"]:
         factor, error = light["scale_in_witness"], light["standard_error"]
         known = "-" if factor is None else f"{factor:.4f} ± {error:.4f}"
         share = f"{100 * light['energy_fraction']:4.1f} %"
         verdict = " ".join(filter(None, [light["verdict"], light["diagnosis"]]))
-        lines.append(f"{light['name']:{width}}  {light['type']:5}  {share}  {known:15}  {verdict}")
+        rows.append([light["name"], light["type"], share, known, verdict])
     fraction = document["coverage"]["supported_pixel_fraction"]
-    lines += ["", f"{100 * fraction:.1f} % of the picture is compared"]
-    return "\n".join([*lines, *(str(Finding(**finding)) for finding in document["findings"])])
+    lines = ["", *aligned(rows, left=5), "", f"{100 * fraction:.1f} % of the picture is compared"]
+    findings = (str(Finding(**finding)) for finding in document["findings"])
+    return "\n".join([document["verdict"], *lines, *findings])

@@ -4,13 +4,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ._base import Outcome
+from ._base import Outcome, aligned
 from ._scene import ModelCommand
-
-if TYPE_CHECKING:
-    from ..errors import Finding
 
 COLUMNS = {
     "W": "radiant_flux_W",
@@ -38,26 +35,24 @@ class LightsOptions(ModelCommand, verb="lights"):
             "model": self.model,
             "findings": findings,
         }
-        return Outcome(document, _text(rows, document, findings))
+        return Outcome(document, _text(document))
 
 
-def _text(rows: list[dict[str, Any]], document: dict[str, Any], findings: list[Finding]) -> str:
+def _text(document: dict[str, Any]) -> str:
     """Return a table for people, its notes, and the findings that are not among these."""
     from ..inspection import figure
 
-    model, efficacy = document["model"], document["efficacy_lm_W"]
+    rows, model, efficacy = (document[key] for key in ("lights", "model", "efficacy_lm_W"))
     other = "physical" if model == "cycles" else "cycles"
     table = [["light", "type", "n", *COLUMNS, f"lm {other}"]]
     for row in rows:
-        flux, twin, n = (
-            row[k] for k in ("luminous_flux_lm", "other_model_luminous_flux_lm", "count")
-        )
+        count = str(row["count"]) if row["count"] > 1 else ""
+        twin = row["other_model_luminous_flux_lm"]
+        unlike = figure(twin) if twin != row["luminous_flux_lm"] else ""
         cells = [figure(row[key]) for key in COLUMNS.values()]
-        unlike = figure(twin) if flux != twin else ""
-        table.append([row["name"], row["type"], str(n) if n > 1 else "", *cells, unlike])
-    columns = [column for column in zip(*table, strict=True) if any(column[1:])]
-    padded = [_padded(column, left=i < 2) for i, column in enumerate(columns)]
-    lines = ["  ".join(line).rstrip() for line in zip(*padded, strict=True)]
+        table.append([row["name"], row["type"], count, *cells, unlike])
+    filled = [column for column in zip(*table, strict=True) if any(column[1:])]
+    lines = aligned(zip(*filled, strict=True), left=2)
     flux = sum(row["count"] * (row["luminous_flux_lm"] or 0.0) for row in rows)
     total = f"in all {figure(flux)} lm; " if len(rows) > 1 and flux else ""
     lines.append(f"{total}{efficacy:g} lm/W, model {model}; W are the mean of R, G and B")
@@ -66,13 +61,8 @@ def _text(rows: list[dict[str, Any]], document: dict[str, Any], findings: list[F
         for note in row["notes"]:
             notes.setdefault(note, []).append(row["name"])
     lines += [f"- {_listed(names, len(rows))}: {note}" for note, names in notes.items()]
-    others = [finding for finding in findings if finding.message not in notes]
+    others = [finding for finding in document["findings"] if finding.message not in notes]
     return "\n".join([*lines, *map(str, others)])
-
-
-def _padded(column: tuple[str, ...], *, left: bool) -> list[str]:
-    width = max(map(len, column))
-    return [cell.ljust(width) if left else cell.rjust(width) for cell in column]
 
 
 def _listed(names: list[str], count: int) -> str:

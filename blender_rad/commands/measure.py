@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import Finding, RadError
 from . import _values as values
-from ._base import Outcome, option
+from ._base import Outcome, aligned, option
 from ._meters import MeterCommand
 
 if TYPE_CHECKING:
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
 UP = (0.0, 0.0, 1.0)
 MANY = 1_000_000  # shares of lights in a document
-LEFT_OUT = (
-    "shares-left-out", "info", "", "too many to list by meter and light; the grid has averages"
-)
+LEFT_OUT = "too many to list by meter and light; the grid has averages"
 SHOWN = 12  # lights in a table
 PLAN = 12, 24  # columns and rows of a grid that is shown as a table
 
@@ -38,15 +36,8 @@ class MeasureOptions(MeterCommand, verb="measure"):
     Without a place, all meters that the file marks are read: empties whose names begin with
     "Meter", and objects with a custom property "meter". They look along their local +Z.
 
-    Attributes
-    ----------
-    at, normal : points [m] and where they look, as many of one as of the other; up without.
-    plane : x0, y0, z, x1, y1 [m], looking up.
-    spacing, margin : between cell centres, and from the edges of a grid [m].
-    maintenance_factor : of all lights; every reading is times it.
-    target_average, target_uniformity : least E_avg [lx] and U0 of a grid; the exit code
-        is 1 where one is missed.
-    from_, towards : where luminance meters are, and a point that each looks at [m].
+    Lengths are in metres. `at` and `normal`, and `from_` and `towards`, are as many; the exit code
+    is 1 where a target of the grid is missed.
     """
 
     at: tuple[tuple[float, ...], ...] = option(
@@ -66,7 +57,10 @@ class MeasureOptions(MeterCommand, verb="measure"):
     )
     spacing: float | None = option(values.number(0), "between meters of a grid", metavar="M")
     margin: float = option(
-        values.number(), "from a grid's edges, such as walls (default: 0)", default=0.0, metavar="M"
+        values.number(0, closed=True),
+        "from a grid's edges, such as walls (default: 0)",
+        default=0.0,
+        metavar="M",
     )
     maintenance_factor: float = option(
         values.number(0), "what ageing leaves of the light (default: 1)", default=1.0, metavar="F"
@@ -101,13 +95,15 @@ class MeasureOptions(MeterCommand, verb="measure"):
         if (self.quantity == "radiance") != bool(self.from_):
             expected = "expected --quantity radiance --from X,Y,Z --towards X,Y,Z"
             raise RadError("a luminance meter needs a place", "--quantity", expected)
-        if self.normal:
-            _pairs(self.at, self.normal, "--at and --normal")
-        _pairs(self.from_, self.towards, "--from and --towards")
+        for first, second, where in (
+            (self.at, self.normal or self.at, "--at and --normal"),
+            (self.from_, self.towards, "--from and --towards"),
+        ):
+            if len(first) != len(second):
+                expected = "expected as many of one as of the other"
+                raise RadError("these go in pairs", where, expected)
         if (0.0, 0.0, 0.0) in self.normal:
             raise RadError("looks nowhere", "--normal", "expected a vector that is not 0")
-        if self.margin < 0.0:
-            raise RadError("a margin below 0", "--margin", "expected 0 m or more")
         if any(a == b for a, b in zip(self.from_, self.towards, strict=True)):
             raise RadError("looks nowhere", "--towards", "expected another point than --from")
 
@@ -127,8 +123,8 @@ class MeasureOptions(MeterCommand, verb="measure"):
             "findings": self.scene_findings(meter),
         }
         if self.quantity == "radiance":
-            pairs = zip(self.from_, self.towards, strict=True)
-            document["meters"] = [self._luminance(meter, twin, *p, document) for p in pairs]
+            for pair in zip(self.from_, self.towards, strict=True):
+                self._luminance(meter, twin, *pair, document)
             if len(self.from_) == 1:
                 document |= document["meters"][0]
         else:
@@ -138,7 +134,8 @@ class MeasureOptions(MeterCommand, verb="measure"):
 
     def _luminance(
         self, meter: LuxMeter, twin: LuxMeter, place: Point, target: Point, document: dict[str, Any]
-    ) -> dict[str, Any]:
+    ) -> None:
+        """Read a luminance meter into the document."""
         import numpy as np
 
         start, end = np.array(place), np.array(target)
@@ -146,7 +143,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
         seen = meter.look(start, end)
         theirs = seen if twin is meter else twin.look(start, end)
         document["findings"] += seen.findings()
-        return {
+        row = {
             "position_m": place,
             "direction": (end - start) / np.linalg.norm(end - start),
             "radiance_W_m2_sr": self.maintenance_factor * seen.radiance,
@@ -158,6 +155,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
                 for name, rgb in seen.lights.items()
             ],
         }
+        document["meters"].append(row)
 
     def _lux(
         self, bl_scene: Any, meter: LuxMeter, twin: LuxMeter, document: dict[str, Any]
@@ -166,8 +164,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
         from ..progress import bar
 
         scale, factor = meter.scene.unit_scale_m, self.maintenance_factor
-        grid = self._grid(bl_scene, scale)
-        names, points, normals = self._places(bl_scene, scale, grid)
+        grid, names, points, normals = self._places(bl_scene, scale)
         with bar("measure") as progress:
             own = meter.read(points, normals, progress).times(factor)
         other = own
@@ -179,7 +176,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
             shares = [named(meter.names, row, "illuminance_lx") for row in own.lights.tolist()]
         else:
             shares = [[]] * len(points)
-            document["findings"].append(Finding(*LEFT_OUT))
+            document["findings"].append(Finding("shares-left-out", "info", "", LEFT_OUT))
         columns: dict[str, Iterable[Any]] = {
             **({"name": names} if names else {}),
             "position_m": points.tolist(),
@@ -193,49 +190,43 @@ class MeasureOptions(MeterCommand, verb="measure"):
         rows = zip(*columns.values(), strict=True)
         document["meters"] = [dict(zip(columns, row, strict=True)) for row in rows]
         if grid:
-            document["grid"] = self._figures(grid[0], own, meter.names)
-
-    def _grid(self, bl_scene: Any, scale: float) -> tuple[Grid, Floats] | None:
-        """Return the grid and where it looks (3,), None where single points are asked for."""
-        import numpy as np
-
-        from ..bpy_io.meters import rectangle
-        from ..meters import grid
-
-        if self.spacing is None:
-            return None
-        if self.plane is None:
-            corner, u, v, axis = rectangle(bl_scene, str(self.grid))
-            return grid(scale * corner, scale * u, scale * v, self.spacing, self.margin), axis
-        x0, y0, z, x1, y1 = self.plane
-        corner = np.array([min(x0, x1), min(y0, y1), z])
-        u, v = np.array([abs(x1 - x0), 0.0, 0.0]), np.array([0.0, abs(y1 - y0), 0.0])
-        return grid(corner, u, v, self.spacing, self.margin), np.array(UP)
+            document["grid"] = self._figures(grid, own, meter.names)
 
     def _places(
-        self, bl_scene: Any, scale: float, grid: tuple[Grid, Floats] | None
-    ) -> tuple[tuple[str, ...], Floats, Floats]:
-        """Return names (none for bare points), positions (n, 3) [m] and unit normals (n, 3)."""
+        self, bl_scene: Any, scale: float
+    ) -> tuple[Grid | None, tuple[str, ...], Floats, Floats]:
+        """Return the grid, names, positions (n, 3) [m] and unit normals (n, 3), as far as given."""
         import numpy as np
 
-        from ..bpy_io.meters import marked_meters, meter_places
+        from ..bpy_io.meters import marked_meters, meter_places, rectangle
+        from ..meters import grid
 
-        if grid:
-            return (), grid[0].points, np.broadcast_to(grid[1], grid[0].points.shape)
+        if self.spacing is not None:
+            if self.plane:
+                x0, y0, z, x1, y1 = self.plane
+                edges = np.array([[min(x0, x1), min(y0, y1), z], [abs(x1 - x0), 0, 0],
+                                  [0, abs(y1 - y0), 0]])  # fmt: skip
+                axis = np.array(UP)
+            else:
+                edges, axis = rectangle(bl_scene, str(self.grid))
+                edges = scale * edges
+            corner, u, v = edges
+            cells = grid(corner, u, v, self.spacing, self.margin)
+            return cells, (), cells.points, np.broadcast_to(axis, cells.points.shape)
         if self.at:
             normals = np.array(self.normal or (UP,) * len(self.at))
-            return (), np.array(self.at), normals / np.linalg.norm(normals, axis=1)[:, None]
+            return None, (), np.array(self.at), normals / np.linalg.norm(normals, axis=1)[:, None]
         names = self.meter or tuple(marked_meters(bl_scene))
         if not names:
             expected = "expected --at, --meter, --grid or --plane, or an empty named Meter"
             raise RadError("no meter", str(self.file), expected)
         points, normals = meter_places(bl_scene, names)
-        return names, scale * points, normals
+        return None, names, scale * points, normals
 
     def _figures(self, grid: Grid, own: Readings, names: list[str]) -> dict[str, Any]:
         """Return what a lighting designer asks of a grid."""
         lux = own.illuminance
-        average, low, high = float(lux.mean()), float(lux.min()), float(lux.max())
+        average, low, high = map(float, (lux.mean(), lux.min(), lux.max()))
         figures: dict[str, Any] = {
             "average_lx": average,
             "minimum_lx": low,
@@ -258,11 +249,6 @@ class MeasureOptions(MeterCommand, verb="measure"):
 def named(names: list[str], values: list[float], key: str) -> list[dict[str, Any]]:
     """Return a row for each light, its value under `key`."""
     return [{"name": name, key: value} for name, value in zip(names, values, strict=True)]
-
-
-def _pairs(first: tuple[Any, ...], second: tuple[Any, ...], where: str) -> None:
-    if len(first) != len(second):
-        raise RadError("these go in pairs", where, "expected as many of one as of the other")
 
 
 def _text(document: dict[str, Any]) -> str:
@@ -291,8 +277,9 @@ def _grid_lines(grid: dict[str, Any], meters: list[dict[str, Any]]) -> list[str]
     columns, rows = grid["columns"], grid["rows"]
     lines = [f"{columns} × {rows} meters, {grid['spacing_m']:g} m apart"]
     if columns <= PLAN[0] and rows <= PLAN[1]:
-        lux = [f"{row['illuminance_lx']:7.5g}" for row in meters]
-        lines += [" ".join(lux[k * columns : (k + 1) * columns]) for k in reversed(range(rows))]
+        lux = [f"{row['illuminance_lx']:.5g}" for row in meters]
+        plan = [lux[k * columns : (k + 1) * columns] for k in reversed(range(rows))]
+        lines += aligned(plan, left=0)
     average, low, high = (grid[f"{key}_lx"] for key in ("average", "minimum", "maximum"))
     lines += [
         f"E_avg {average:.5g} lx, E_min {low:.5g} lx, E_max {high:.5g} lx",
@@ -305,6 +292,7 @@ def _grid_lines(grid: dict[str, Any], meters: list[dict[str, Any]]) -> list[str]
 
 def _share_lines(lights: list[dict[str, Any]], key: str, unit: str) -> list[str]:
     """Return a line for each of the lights that give most."""
-    most = sorted(lights, key=lambda light: -abs(light[key]))
-    lines = [f"  {light['name']}: {light[key]:.5g} {unit}" for light in most[:SHOWN]]
+    most = sorted(lights, key=lambda light: -abs(light[key]))[:SHOWN]
+    table = [["", light["name"], f"{light[key]:.5g}", unit] for light in most]
+    lines = aligned(table, left=2)
     return lines + [f"  and {len(lights) - SHOWN} more"] * (len(lights) > SHOWN)

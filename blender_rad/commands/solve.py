@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import Finding, RadError, unknown_name
 from . import _values as values
-from ._base import Outcome, option
+from ._base import Outcome, aligned, option
 from ._meters import MeterCommand
 
 OFF = 0.01  # of a target: a miss that is worth a finding
@@ -19,9 +19,7 @@ def _target(value: Any) -> tuple[str, float]:
     name, _, lux = value.rpartition("=") if isinstance(value, str) else (value[0], "", value[1])
     if not name:
         raise ValueError("METER=LX, such as Desk=500")
-    if (number := values.number()(lux)) < 0.0:
-        raise ValueError("METER=LX with LX of 0 or more")
-    return values.text(name), number
+    return values.text(name), values.number(0, closed=True)(lux)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,23 +28,22 @@ class SolveOptions(MeterCommand, verb="solve"):
 
     They are least-squares, not negative, and of equally good answers the one that changes the
     lights least. Light is direct light, as `measure` reads it.
-
-    Attributes
-    ----------
-    target : objects as meters, each with the illuminance [lx] that it shall read.
-    lights : names of those that may change; None means all.
-    output : a copy of the file with the new powers; None writes none.
     """
 
     target: tuple[tuple[str, float], ...] = option(
-        _target, "a meter object and what it shall read", metavar="METER=LX", several=True,
+        _target,
+        "a meter object and what it shall read",
+        metavar="METER=LX",
+        several=True,
         required=True,
     )
     lights: tuple[str, ...] | None = option(
         values.names(), "lights that may change, with commas (default: all)", metavar="A,B"
     )
     output: Path | None = option(
-        values.output_file(".blend"), "write a copy with these powers", metavar="OUT.blend",
+        values.output_file(".blend"),
+        "write a copy with these powers",
+        metavar="OUT.blend",
         flags=("-o",),
     )
 
@@ -129,12 +126,14 @@ class SolveOptions(MeterCommand, verb="solve"):
 
 def _text(document: dict[str, Any]) -> str:
     """Return tables for people."""
-    lines = [str(finding) for finding in document["findings"]]
+    lights = [["light", "factor", "energy or strength"]]
     for light in document["lights"]:
         power = light["blender_energy"]
-        new = "" if power is None else f", energy or strength {power:.6g}"
-        lines.append(f"{light['name']}: × {light['factor']:.5g}{new}")
+        new = "" if power is None else f"{power:.6g}"
+        lights.append([light["name"], f"{light['factor']:.5g}", new])
+    meters = [["meter", "lx", "wanted"]]
     for meter in document["meters"]:
-        reads = f"{meter['illuminance_lx']:.5g} lx of {meter['target_lx']:.5g} lx"
-        lines.append(f"{meter['name']}: {reads}")
+        read, wanted = f"{meter['illuminance_lx']:.5g}", f"{meter['target_lx']:.5g}"
+        meters.append([meter["name"], read, wanted])
+    lines = [*map(str, document["findings"]), *aligned(lights), *aligned(meters)]
     return "\n".join([*lines, f"residual {document['residual_lx']:.3g} lx"])
