@@ -24,6 +24,9 @@ pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 from mathutils import Matrix, Vector  # noqa: E402  (comes with bpy)
 
+from .reading import SQUARE as PLANE  # noqa: E402
+from .reading import add, camera, empty_scene, material, polygons  # noqa: E402
+
 SINGLE_PRECISION = 1e-5  # Cycles' arithmetic; up to 4e-6 was seen where there is no noise
 SIGMAS = 3.0
 TOLERANCE = 0.003  # pixels of one render repel each other's errors: their spread overstates them
@@ -59,11 +62,19 @@ def case(kind: str, **properties: Any) -> Case:
 
 
 SPOT = {"spot_size": math.radians(60), "spot_blend": 0.4}
+NARROW = {"spot_size": 0.1, "spot_blend": 0.5, "shadow_soft_size": 0.5}
+DELTA_SPOT, BALL = {**SPOT, "shadow_soft_size": 0}, {"use_soft_falloff": False}
+SQUARE, DISC, RECTANGLE, ELLIPSE = (
+    {"shape": shape} for shape in ('SQUARE', 'DISK', 'RECTANGLE', 'ELLIPSE')
+)
 ON_AXIS = (FLOOR, ((0.5, 0, 0), (0, 0, 1)), ((0, -0.9, 0.2), (0, 0.3, 1)))
 BEAM = (((0, 0, 0), (0, 0, 1)), ((0.3, 0.1, 0), (0.5, 0, 1)), ((0.55, 0, 0), (0, 0, 1)))
 BEHIND = (((0.1, 0.2, 4), (0, 0, -1)), FLOOR)
 INSIDE = (((0, 0, 1.5), (0, 0, 1)), ((0.2, 0, 1.7), (1, 0, 0)))
-MIS_WITH_SHEAR = 0.003  # Cycles' two ways of sampling a sheared light differ: 0.07 to 0.2 %
+SHEARED = {
+    "receivers": (FLOOR, TILTED),
+    "systematic": 0.003,
+}  # Cycles' two samplings differ: 0.07 to 0.2 %
 
 CASES = {
     "point": case('POINT', shadow_soft_size=0),
@@ -73,97 +84,56 @@ CASES = {
     "point-soft-not-normalized": case('POINT', shadow_soft_size=0.3, normalize=False),
     "point-soft-scaled": case('POINT', shadow_soft_size=0.3, matrix=scaled(3, 2, 0.5)),
     "point-soft-near": case('POINT', shadow_soft_size=1.0, receivers=INSIDE),
-    "sphere": case('POINT', shadow_soft_size=0.3, use_soft_falloff=False),
-    "sphere-large": case('POINT', shadow_soft_size=1.5, use_soft_falloff=False),
-    "sphere-tiny": case('POINT', shadow_soft_size=0.001, use_soft_falloff=False),
-    "sphere-not-normalized": case(
-        'POINT', shadow_soft_size=0.3, use_soft_falloff=False, normalize=False
-    ),
-    "sphere-inside": case('POINT', shadow_soft_size=1.0, use_soft_falloff=False, receivers=INSIDE),
+    "sphere": case('POINT', **BALL, shadow_soft_size=0.3),
+    "sphere-large": case('POINT', **BALL, shadow_soft_size=1.5),
+    "sphere-tiny": case('POINT', **BALL, shadow_soft_size=0.001),
+    "sphere-not-normalized": case('POINT', **BALL, shadow_soft_size=0.3, normalize=False),
+    "sphere-inside": case('POINT', **BALL, shadow_soft_size=1.0, receivers=INSIDE),
     "exposure": case('POINT', shadow_soft_size=0, exposure=-1.5),
     "colour": case('POINT', shadow_soft_size=0, color=(0.2, 0.5, 1.0)),
     "temperature": case('POINT', shadow_soft_size=0, use_temperature=True, temperature=2700.0),
     "negative": case('POINT', shadow_soft_size=0, energy=-50.0),
-    "spot": case('SPOT', **SPOT, shadow_soft_size=0, receivers=ON_AXIS),
+    "spot": case('SPOT', **DELTA_SPOT, receivers=ON_AXIS),
     "spot-hard": case('SPOT', spot_size=1.0, spot_blend=0, shadow_soft_size=0, receivers=ON_AXIS),
     "spot-180": case('SPOT', spot_size=math.pi, spot_blend=1, shadow_soft_size=0),
-    "spot-elliptic": case(
-        'SPOT', **SPOT, shadow_soft_size=0, matrix=scaled(1, 2, 0.5), receivers=ON_AXIS
-    ),
-    "spot-turned-about": case(
-        'SPOT', **SPOT, shadow_soft_size=0, matrix=scaled(1, 1, -1), receivers=BEHIND
-    ),
-    "spot-sheared": case(
-        'SPOT', **SPOT, shadow_soft_size=0, matrix=sheared(1, 2, 1), receivers=ON_AXIS
-    ),
+    "spot-elliptic": case('SPOT', **DELTA_SPOT, matrix=scaled(1, 2, 0.5), receivers=ON_AXIS),
+    "spot-turned-about": case('SPOT', **DELTA_SPOT, matrix=scaled(1, 1, -1), receivers=BEHIND),
+    "spot-sheared": case('SPOT', **DELTA_SPOT, matrix=sheared(1, 2, 1), receivers=ON_AXIS),
     "spot-not-normalized": case(
         'SPOT', **SPOT, shadow_soft_size=0.2, normalize=False, receivers=ON_AXIS
     ),
     "spot-soft": case('SPOT', **SPOT, shadow_soft_size=0.5, receivers=ON_AXIS),
     "spot-soft-near": case('SPOT', **SPOT, shadow_soft_size=1.0, matrix=ABOVE, receivers=INSIDE),
-    "spot-sphere": case(
-        'SPOT', **SPOT, shadow_soft_size=0.5, use_soft_falloff=False, receivers=ON_AXIS
-    ),
+    "spot-sphere": case('SPOT', **SPOT, **BALL, shadow_soft_size=0.5, receivers=ON_AXIS),
     "spot-sphere-narrow": case(
-        'SPOT',
-        spot_size=0.1,
-        spot_blend=0.5,
-        shadow_soft_size=0.5,
-        use_soft_falloff=False,
-        matrix=ABOVE,
-        receivers=(FLOOR, ((0.2, 0, 0), (0, 0.3, 1))),
+        'SPOT', **BALL, **NARROW, matrix=ABOVE, receivers=(FLOOR, ((0.2, 0, 0), (0, 0.3, 1)))
     ),
     "spot-sphere-elliptic": case(
-        'SPOT',
-        **SPOT,
-        shadow_soft_size=0.3,
-        use_soft_falloff=False,
-        matrix=scaled(1, 2, 0.5),
-        receivers=ON_AXIS,
+        'SPOT', **SPOT, **BALL, shadow_soft_size=0.3, matrix=scaled(1, 2, 0.5), receivers=ON_AXIS
     ),
-    "area": case('AREA', shape='SQUARE', size=0.5),
-    "area-near": case('AREA', shape='SQUARE', size=6.0),
-    "area-tiny": case('AREA', shape='SQUARE', size=0.001),
-    "area-rectangle": case('AREA', shape='RECTANGLE', size=0.3, size_y=1.2),
-    "area-disc": case('AREA', shape='DISK', size=0.8, receivers=(FLOOR, TILTED)),
-    "area-disc-cut": case('AREA', shape='DISK', size=3.0, receivers=(CUT,)),
-    "area-ellipse": case('AREA', shape='ELLIPSE', size=0.3, size_y=1.2),
-    "area-scaled": case('AREA', shape='SQUARE', size=0.3, matrix=scaled(2, 3, 0.2)),
-    "area-disc-scaled": case('AREA', shape='DISK', size=0.3, matrix=scaled(2, 3, 0.2)),
-    "area-mirrored": case('AREA', shape='RECTANGLE', size=0.3, size_y=1.0, matrix=scaled(-1, 1, 1)),
+    "area": case('AREA', **SQUARE, size=0.5),
+    "area-near": case('AREA', **SQUARE, size=6.0),
+    "area-tiny": case('AREA', **SQUARE, size=0.001),
+    "area-rectangle": case('AREA', **RECTANGLE, size=0.3, size_y=1.2),
+    "area-disc": case('AREA', **DISC, size=0.8, receivers=(FLOOR, TILTED)),
+    "area-disc-cut": case('AREA', **DISC, size=3.0, receivers=(CUT,)),
+    "area-ellipse": case('AREA', **ELLIPSE, size=0.3, size_y=1.2),
+    "area-scaled": case('AREA', **SQUARE, size=0.3, matrix=scaled(2, 3, 0.2)),
+    "area-disc-scaled": case('AREA', **DISC, size=0.3, matrix=scaled(2, 3, 0.2)),
+    "area-mirrored": case('AREA', **RECTANGLE, size=0.3, size_y=1.0, matrix=scaled(-1, 1, 1)),
     "area-turned-about": case(
-        'AREA', shape='SQUARE', size=0.5, matrix=scaled(1, 1, -1), receivers=BEHIND
+        'AREA', **SQUARE, size=0.5, matrix=scaled(1, 1, -1), receivers=BEHIND
     ),
-    "area-not-normalized": case('AREA', shape='ELLIPSE', size=0.3, size_y=1, normalize=False),
-    "area-spread": case('AREA', shape='SQUARE', size=0.5, spread=1.2, receivers=ON_AXIS),
-    "area-spread-near": case('AREA', shape='RECTANGLE', size=2, size_y=3, spread=0.5),
-    "area-spread-narrow": case(
-        'AREA', shape='SQUARE', size=1, spread=0.08, matrix=ABOVE, receivers=BEAM
-    ),
-    "area-spread-nought": case(
-        'AREA', shape='SQUARE', size=1, spread=0, matrix=ABOVE, receivers=BEAM
-    ),
-    "area-disc-spread": case('AREA', shape='DISK', size=0.5, spread=0.7, receivers=ON_AXIS),
-    "area-disc-spread-nought": case(
-        'AREA', shape='DISK', size=1, spread=0, matrix=ABOVE, receivers=BEAM
-    ),
-    "area-ellipse-spread": case('AREA', shape='ELLIPSE', size=1, size_y=2, spread=0.4),
-    "area-sheared": case(
-        'AREA',
-        shape='SQUARE',
-        size=0.5,
-        matrix=sheared(1, 2, 3),
-        receivers=(FLOOR, TILTED),
-        systematic=MIS_WITH_SHEAR,
-    ),
-    "area-disc-sheared": case(
-        'AREA',
-        shape='DISK',
-        size=0.5,
-        matrix=sheared(2, 1, 1),
-        receivers=(FLOOR, TILTED),
-        systematic=MIS_WITH_SHEAR,
-    ),
+    "area-not-normalized": case('AREA', **ELLIPSE, size=0.3, size_y=1, normalize=False),
+    "area-spread": case('AREA', **SQUARE, size=0.5, spread=1.2, receivers=ON_AXIS),
+    "area-spread-near": case('AREA', **RECTANGLE, size=2, size_y=3, spread=0.5),
+    "area-spread-narrow": case('AREA', **SQUARE, size=1, spread=0.08, matrix=ABOVE, receivers=BEAM),
+    "area-spread-nought": case('AREA', **SQUARE, size=1, spread=0, matrix=ABOVE, receivers=BEAM),
+    "area-disc-spread": case('AREA', **DISC, size=0.5, spread=0.7, receivers=ON_AXIS),
+    "area-disc-spread-nought": case('AREA', **DISC, size=1, spread=0, matrix=ABOVE, receivers=BEAM),
+    "area-ellipse-spread": case('AREA', **ELLIPSE, size=1, size_y=2, spread=0.4),
+    "area-sheared": case('AREA', **SQUARE, size=0.5, matrix=sheared(1, 2, 3), **SHEARED),
+    "area-disc-sheared": case('AREA', **DISC, size=0.5, matrix=sheared(2, 1, 1), **SHEARED),
     "sun": case('SUN', angle=0.0),
     "sun-angle": case('SUN', angle=math.radians(10)),
     "sun-half-sky": case('SUN', angle=math.pi),
@@ -191,8 +161,7 @@ class Stage:
     """An empty scene with a receiver, a camera, and room for one light."""
 
     def __init__(self, path: Path) -> None:
-        bpy.ops.wm.read_factory_settings(use_empty=True)
-        self.scene = scene = bpy.context.scene
+        self.scene = scene = empty_scene()
         scene.render.engine = 'CYCLES'
         settings = {
             "samples": 256, "seed": 7, "max_bounces": 0, "pixel_filter_type": 'BOX',
@@ -205,42 +174,20 @@ class Stage:
         scene.render.filepath = str(path)
         scene.render.image_settings.file_format = 'OPEN_EXR'
         scene.render.image_settings.color_depth = '32'
-        self.world = bpy.data.worlds.new("World")
-        if not self.world.node_tree:
-            self.world.use_nodes = True
-        self.background = self.world.node_tree.nodes["Background"].inputs["Color"]
-        scene.world = self.world
-        camera = bpy.data.cameras.new("Camera")
-        camera.type, camera.ortho_scale, camera.clip_start = 'ORTHO', 1e-3, 1e-4
-        self.camera = scene.camera = self.put(bpy.data.objects.new("Camera", camera))
-        square = [(-0.05, -0.05, 0), (0.05, -0.05, 0), (0.05, 0.05, 0), (-0.05, 0.05, 0)]
-        self.receiver = self.put(self.mesh("Receiver", square, 'ShaderNodeBsdfDiffuse'))
+        scene.world = bpy.data.worlds.new("World")
+        if not scene.world.node_tree:
+            scene.world.use_nodes = True
+        self.background = scene.world.node_tree.nodes["Background"].inputs["Color"]
+        self.camera = camera(type='ORTHO', ortho_scale=1e-3, clip_start=1e-4)
+        corners = [(0.05 * x, 0.05 * y, 0) for x, y, _ in PLANE[0]]
+        self.receiver = add("Receiver", white(corners, 'ShaderNodeBsdfDiffuse'))
         self.light = None
-
-    def put(self, thing: Any) -> Any:
-        self.scene.collection.objects.link(thing)
-        return thing
-
-    def mesh(self, name: str, corners: Any, shader: str) -> Any:
-        mesh = bpy.data.meshes.new(name)
-        mesh.from_pydata(corners, [], [tuple(range(len(corners)))])
-        material = bpy.data.materials.new(name)
-        if not material.node_tree:
-            material.use_nodes = True
-        nodes, links = material.node_tree.nodes, material.node_tree.links
-        nodes.clear()
-        node, output = nodes.new(shader), nodes.new('ShaderNodeOutputMaterial')
-        node.inputs["Color"].default_value = (1, 1, 1, 1)
-        links.new(node.outputs[0], output.inputs["Surface"])
-        mesh.materials.append(material)
-        return bpy.data.objects.new(name, mesh)
 
     def show(self, thing: Any, matrix: Matrix) -> None:
         """Make `thing` the only light, under a parent, which keeps shear."""
         self.clear()
-        self.light = self.put(thing)
-        self.parent = self.put(bpy.data.objects.new("Parent", None))
-        thing.parent, thing.matrix_parent_inverse = self.parent, matrix
+        self.parent = add("Parent", None)
+        self.light = add("Light", thing, parent=self.parent, matrix_parent_inverse=matrix)
         bpy.context.view_layer.update()
 
     def clear(self) -> None:
@@ -262,11 +209,18 @@ class Stage:
         return pixels.mean(axis=0), pixels.std(axis=0, ddof=1) / PIXELS
 
 
+def white(corners: Any, shader: str) -> Any:
+    """A mesh of one white face."""
+    mesh = polygons("White", corners, [range(len(corners))])
+    mesh.materials[0] = material("White", shader, Color=(1, 1, 1, 1))
+    return mesh
+
+
 def build(stage: Stage, wanted: Case) -> LightRecord:
     light = bpy.data.lights.new("Light", wanted.kind)
     for name, value in wanted.properties.items():
         setattr(light.cycles if name == "is_portal" else light, name, value)
-    stage.show(bpy.data.objects.new("Light", light), wanted.matrix)
+    stage.show(light, wanted.matrix)
     scalars = [
         p.identifier
         for p in light.bl_rna.properties
@@ -324,7 +278,7 @@ def test_lights_that_emit_nothing(stage: Stage, name: str) -> None:
 def test_mesh_emitter(stage: Stage) -> None:
     corners = np.array([[-0.5, 0.0, 1.5], [0.6, -0.2, 1.4], [0.1, 0.7, 1.9]])
     for order in (corners, corners[::-1]):
-        stage.show(stage.mesh("Emitter", order.tolist(), 'ShaderNodeEmission'), Matrix())
+        stage.show(white(order.tolist(), 'ShaderNodeEmission'), Matrix())
         light = MeshLight(name="Emitter", rgb=np.ones(3), triangles=corners[None])
         assert_same(stage, light, (FLOOR, TILTED, CUT), 5e-4)  # seen: 0.03 % low in Cycles
 
@@ -341,8 +295,7 @@ def test_use_shadow_is_what_makes_a_light_shadowless(stage: Stage) -> None:
         record = build(stage, case('POINT', shadow_soft_size=0, use_shadow=use_shadow))
         light = light_from_record(record, "cycles")
         assert light is not None and light.cast_shadow is use_shadow
-        corners = [(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)]
-        blocker = stage.put(stage.mesh("Blocker", corners, 'ShaderNodeBsdfDiffuse'))
+        blocker = add("Blocker", white(PLANE[0], 'ShaderNodeBsdfDiffuse'), location=(0, 0, 1))
         seen = stage.irradiance(*FLOOR)[0]
         bpy.data.objects.remove(blocker)
         assert bool(np.all(seen > 0.0)) is not use_shadow
