@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -54,6 +55,25 @@ def ran(*arguments: object, **environment: str) -> Ran:
         check=False,
     )
     return Ran(done.returncode, done.stdout, done.stderr)
+
+
+def interrupted(reached: Callable[[], object], *arguments: object) -> None:
+    """Interrupt a run when `reached` returns: it says so, and leaves no scratch file."""
+    with tempfile.TemporaryDirectory() as scratch:
+        process = subprocess.Popen(
+            command(*arguments),
+            cwd=ROOT,
+            env=os.environ | {"TMPDIR": scratch},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+        )
+        reached()
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+        assert (process.returncode, out) == (130, ""), err
+        assert "Traceback" not in err
+        assert not os.listdir(scratch)
 
 
 def inside(*arguments: object) -> Ran:
