@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from importlib.util import find_spec
+from importlib.machinery import PathFinder
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -20,7 +21,8 @@ Verb = Callable[..., dict[str, object]]
 
 def _is_verb(name: str) -> bool:
     """Tell whether `commands` has a file of that name, without loading any."""
-    return not name.startswith("_") and find_spec(f"{__name__}.commands.{name}") is not None
+    folder = Path(__file__).parent / "commands"
+    return not name.startswith("_") and PathFinder.find_spec(name, [str(folder)]) is not None
 
 
 def _verb(name: str) -> Verb:
