@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from .lights.point import PointLight
 from .lights.spot import SpotLight
 from .quantities import EFFICACIES_LM_W, K_M
 from .scene import Scene
-from .spectra import colour_temperature, luminous_efficacy
+from .spectra import colour_temperature, spectrum
 from .working_space import xyz_from_rgb
 
 Array = NDArray[np.float64]
@@ -48,10 +48,7 @@ WORDS = {
 
 @dataclass(frozen=True)
 class _Source:
-    """One piece of a row: its light in the scene's model and in the other; a string says why not.
-
-    None emits nothing.
-    """
+    """One piece of a row: its light in both models; None emits nothing, a string is not known."""
 
     name: str
     kind: str
@@ -63,14 +60,9 @@ class _Source:
 def inspect_lights(scene: Scene, efficacy: float) -> tuple[list[dict[str, Any]], list[Finding]]:
     """Return a row for each light object, mesh emitter and world, and findings about them.
 
-    Flux and what the notes say are those of one piece of `count`, their mean where they differ;
-    intensity and radiance are the greatest in any direction. Values are None where they have no
-    meaning or are not known.
-
-    Parameters
-    ----------
-    scene : its `model` is the rows' own.
-    efficacy : [lm/W].
+    Flux and notes are those of one piece of `count`, their mean where they differ; intensity and
+    radiance are the greatest in any direction. Values are None where they have no meaning or are
+    not known. `efficacy` is in lm/W.
     """
     groups: dict[str, list[_Source]] = {}
     for source in _sources(scene):
@@ -91,12 +83,12 @@ def _sources(scene: Scene) -> Iterator[_Source]:
         mine, theirs = (_built(record, model) for model in (scene.model, other))
         yield _Source(record.name, record.bl_type, mine, theirs, record)
     for emitter in emitters(scene)[0]:
-        name, kind = emitter.light.name, emitter.light.kind
-        light = emitter.cause.feature if emitter.cause else emitter.light
-        if isinstance(light, MeshLight) and not light.radiant_flux().any():
-            light = None
-        if kind in ("MESH", "WORLD"):
-            yield _Source(name, kind, light, light)
+        light = emitter.light
+        if light.kind not in ("MESH", "WORLD"):
+            continue
+        dark = isinstance(light, MeshLight) and not light.radiant_flux().any()
+        known = emitter.cause.feature if emitter.cause else None if dark else light
+        yield _Source(light.name, light.kind, known, known)
 
 
 def _built(record: LightRecord, model: Model) -> Light | str | None:
@@ -137,12 +129,13 @@ def _row(
     values: dict[str, Any] = {}
     for (radiant, luminous), rgb, twin in zip(KEYS, amounts, others, strict=True):
         values |= {
-            radiant: _scalar(rgb.mean()),
-            f"{radiant}_rgb": None if np.isnan(rgb).any() else rgb.tolist(),
-            luminous: _scalar(efficacy * (weights @ rgb)),
-            f"other_model_{radiant}": _scalar(twin.mean()),
-            f"other_model_{luminous}": _scalar(efficacy * (weights @ twin)),
+            radiant: rgb.mean(),
+            f"{radiant}_rgb": rgb,
+            luminous: efficacy * (weights @ rgb),
+            f"other_model_{radiant}": twin.mean(),
+            f"other_model_{luminous}": efficacy * (weights @ twin),
         }
+    values = {k: None if np.isnan(value).any() else value.tolist() for k, value in values.items()}
     colour = next((rgb for rgb in amounts if np.any(rgb > 0.0)), np.zeros(3))
     temperature = colour_temperature((xyz_from_rgb(scene.chromaticities) @ colour).tolist())[0]
     row: dict[str, Any] = {
@@ -180,17 +173,9 @@ def _joined(pieces: Array, weights: Array, count: int) -> Array:
 
 def figure(value: float | None) -> str:
     """Return four digits of a number, thousands apart; nothing for None."""
-    if value is None:
-        return ""
-    if not 1e-3 <= abs(value) < 1e9:
-        return f"{value:.4g}"
-    decimals = 3 - math.floor(math.log10(abs(value)))
-    text = f"{round(value, decimals):,.{max(decimals, 0)}f}"
-    return (text.rstrip("0").rstrip(".") if decimals > 0 else text).replace(",", " ")
-
-
-def _scalar(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)
+    text = "" if value is None else f"{value:.4g}"
+    plain = value is not None and 1e-3 <= abs(value) < 1e9
+    return f"{Decimal(text):,f}".replace(",", " ") if plain else text
 
 
 def _ratio(over: Array, under: Array) -> float:
@@ -226,7 +211,9 @@ def _notes(source: _Source, weights: Array, metre: float) -> Iterator[str]:
     elif light is None:
         yield f"emits nothing: {_why_dark(record) if record else 'it has no area'}"
     elif isinstance(light, MeshLight):
-        yield _faces(light)
+        share = _ratio(light.leaving_flux(), light.radiant_flux())
+        hollow = f"closed or hollow: {100.0 * share:.3g} % of what its faces emit gets out"
+        yield hollow if share < 1.0 - SAME else "shines from both faces, half of it from each"
     elif record is not None:
         yield from _of_power(light, record)
         yield from _of_colour(record, weights)
@@ -251,13 +238,6 @@ def _why_dark(record: LightRecord) -> str:
         "its nodes give nothing": not any(properties.get("node_emission", (1.0,))),
     }
     return next((text for text, holds in reasons.items() if holds), "its scale is 0")
-
-
-def _faces(light: MeshLight) -> str:
-    share = _ratio(light.leaving_flux(), light.radiant_flux())
-    if share > 1.0 - SAME:
-        return "shines from both faces, half of it from each"
-    return f"closed or hollow: {100.0 * share:.3g} % of what its faces emit gets out"
 
 
 def _of_power(light: Light, record: LightRecord) -> Iterator[str]:
@@ -333,5 +313,5 @@ def _spectrum(kind: str, temperature: float | None) -> str:
         return "too far from white for a usual spectrum: choose the --efficacy of its source"
     name = min(LEDS_K, key=lambda led: abs(1.0 / LEDS_K[led] - 1.0 / temperature))
     name = DAYLIGHT if kind in ("SUN", "WORLD") else name
-    efficacy = luminous_efficacy(name)
+    efficacy = spectrum(name).efficacy_lm_W
     return f"a white like {name}, which has {efficacy:.0f} lm/W: --efficacy {efficacy:.0f}"

@@ -29,18 +29,9 @@ FOOT = 0.3048  # m
 UMOL = AVOGADRO * 1e-6
 MIDDLE_GREY = 0.18  # scene-linear
 PHOTOSYNTHETIC_NM = (400.0, 700.0)  # the photons that PPF and PPFD count
-
-
-class Preset(NamedTuple):
-    """A number with a name, in one of `UNITS`."""
-
-    value: float
-    unit: str
-
-
 PRESETS = {  # sunlight of all wavelengths above the air, one astronomical unit from the sun
-    "solar-constant": Preset(1361.0, "W/m2"),  # IAU 2015 Resolution B3
-    "solar-constant-1971": Preset(1353.0, "W/m2"),  # NASA SP-8005, and lectures since
+    "solar-constant": (1361.0, "W/m2"),  # IAU 2015 Resolution B3
+    "solar-constant-1971": (1353.0, "W/m2"),  # NASA SP-8005, and lectures since
 }
 
 

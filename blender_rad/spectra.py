@@ -116,11 +116,6 @@ class Spectrum:
         }
 
 
-def luminous_efficacy(name: str, limits: Limits | None = None) -> float:
-    """Return the luminous efficacy of radiation [lm/W] of the spectrum of that name."""
-    return spectrum(name, limits).efficacy_lm_W
-
-
 def spectrum(name: str, limits: Limits | None = None) -> Spectrum:
     """Return the spectrum of that name, between `limits` [nm].
 

@@ -18,7 +18,11 @@ MARK = "meter"  # how an empty's name begins, or a custom property of any object
 
 def marked_meters(bl_scene: Any) -> list[str]:
     """Return the names of the objects that are marked as meters."""
-    return sorted(o.name for o in bl_scene.objects if _is_marked(o))
+    return sorted(
+        o.name
+        for o in bl_scene.objects
+        if MARK in o or (o.type == 'EMPTY' and o.name.lower().startswith(MARK))
+    )
 
 
 def meter_places(bl_scene: Any, names: tuple[str, ...]) -> tuple[Floats, Floats]:
@@ -41,11 +45,6 @@ def rectangle(bl_scene: Any, name: str) -> tuple[Floats, Floats]:
     world = _worlds(bl_scene, [found])[0]
     edges = np.array([(x0, y0, z, 1), (x1 - x0, 0, 0, 0), (0, y1 - y0, 0, 0)])
     return edges @ world[:3].T, _axis(world, found)
-
-
-def _is_marked(bl_object: Any) -> bool:
-    named = bl_object.type == "EMPTY" and bl_object.name.lower().startswith(MARK)
-    return named or MARK in bl_object
 
 
 def _find(bl_scene: Any, name: str, kind: str, bl_type: str) -> Any:
