@@ -7,6 +7,8 @@ here.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -96,24 +98,11 @@ def test_cie_171_5_3_area_source_on_floor_and_walls() -> None:
 def test_cie_171_5_4_all_the_flux_arrives_in_a_closed_room() -> None:
     """Σ E A = Φ over the six faces of a black room of 4 × 4 × 3 m, a 10 000 lm lamp at 1.5 m."""
     made = built([lamp(10_000 / (4 * np.pi), 1.5)])
-    faces = [
-        (a, u, v, n)
-        for axis, (size, low) in enumerate(((4.0, -2.0), (4.0, -2.0), (3.0, 0.0)))
-        for side in (0, 1)
-        for a, u, v, n in [face(axis, low + side * size, 1 - 2 * side)]
-    ]
-    flux = 0.0
-    for corner, u, v, normal in faces:
-        cells = grid(corner, u, v, 0.1)
-        flux += 0.01 * lux(made, cells.points, normal).sum()
+    corner, edges, flux = np.array([-2.0, -2.0, 0.0]), np.diag([4.0, 4.0, 3.0]), 0.0
+    for axis, side in itertools.product(range(3), (0, 1)):
+        cells = grid(corner + side * edges[axis], *np.delete(edges, axis, axis=0), 0.1)
+        flux += 0.01 * lux(made, cells.points, (1 - 2 * side) * np.eye(3)[axis]).sum()
     assert flux == pytest.approx(10_000, rel=PROMISE)
-
-
-def face(axis: int, at: float, sign: int):
-    size, low = np.array([4.0, 4.0, 3.0]), np.array([-2.0, -2.0, 0.0])
-    eye, others = np.eye(3), [k for k in range(3) if k != axis]
-    corner = low * (1 - eye[axis]) + at * eye[axis]
-    return corner, *(size[k] * eye[k] for k in others), sign * eye[axis][None]
 
 
 def test_cie_171_5_6_and_5_7_an_opening_without_and_with_an_obstruction() -> None:
@@ -151,14 +140,9 @@ def test_lights_over_a_meter(light: Light, expected: float) -> None:
 
 def test_mesh_emitter_hides_its_own_far_side() -> None:
     """Two squares back to back, 1 m² of 7 W/(m² sr) each: only the lower one arrives."""
-    low, high = square(0.5), square(0.5)
     glow = Material("glow", emission=(7.0, 7.0, 7.0))
-    made = scene(
-        [low, high],
-        [Instance("low", 0, moved(z=2.0), (0,)), Instance("high", 1, moved(z=2.01), (0,))],
-        [],
-        materials=[glow],
-    )
+    placed = [Instance(f"at {z}", 0, moved(z=z), (0,)) for z in (2.0, 2.01)]
+    made = scene([square(0.5)], placed, [], materials=[glow])
     assert isinstance(LuxMeter(made, efficacy=1.0)._light.emitters[0].light, MeshLight)
     expected = 7 * quadrature(0.5, 0.5, 2.0, ORIGIN, UP[0])
     assert lux(made) == pytest.approx(expected, rel=PROMISE)

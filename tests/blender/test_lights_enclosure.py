@@ -29,33 +29,25 @@ SCALES_M = (1.0, 0.25)
 SOFT = 0.2
 IES = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 2 7 1 1 2 0 0 0\n1 1 0\n0 30 60 90 120 150 180\n0\n"
 
+BALL = {"shadow_soft_size": SOFT, "use_soft_falloff": False}
 LIGHTS: dict[str, tuple[str, dict[str, Any]]] = {
-    "point": ('POINT', {"shadow_soft_size": 0.0}),
-    "spot-hard": ('SPOT', {"shadow_soft_size": 0.0, "spot_size": 1.0, "spot_blend": 0.0}),
+    "point": ('POINT', {}),
+    "spot-hard": ('SPOT', {"spot_size": 1.0, "spot_blend": 0.0}),
     "area": ('AREA', {"shape": 'SQUARE', "size": 0.2}),
     "sheet": ('MESH', {}),
     "ball": ('MESH', {}),
-    "ies": ('POINT', {"shadow_soft_size": 0.0}),
+    "ies": ('POINT', {}),
     "sun": ('SUN', {"angle": 0.2}),
     "World": ('WORLD', {}),
     "soft": ('POINT', {"shadow_soft_size": SOFT}),
-    "sphere": ('POINT', {"shadow_soft_size": SOFT, "use_soft_falloff": False}),
-    "colour": ('POINT', {"shadow_soft_size": 0.0, "color": (0.2, 0.5, 1.0), "exposure": -1.5}),
-    "warm": ('POINT', {"shadow_soft_size": 0.0, "use_temperature": True, "temperature": 2700.0}),
-    "bare-point": ('POINT', {"shadow_soft_size": 0.0, "normalize": False}),
-    "bare-sphere": (
-        'POINT',
-        {"shadow_soft_size": SOFT, "use_soft_falloff": False, "normalize": False},
-    ),
-    "spot": ('SPOT', {"shadow_soft_size": 0.0, "spot_size": 1.5, "spot_blend": 0.5}),
-    "spot-elliptic": (
-        'SPOT',
-        {"shadow_soft_size": 0.0, "spot_size": 1.0, "spot_blend": 0.3, "scale": (1, 2, 0.7)},
-    ),
-    "spot-ball": (
-        'SPOT',
-        {"shadow_soft_size": SOFT, "use_soft_falloff": False, "spot_size": 1.5, "spot_blend": 1.0},
-    ),
+    "sphere": ('POINT', BALL),
+    "colour": ('POINT', {"color": (0.2, 0.5, 1.0), "exposure": -1.5}),
+    "warm": ('POINT', {"use_temperature": True, "temperature": 2700.0}),
+    "bare-point": ('POINT', {"normalize": False}),
+    "bare-sphere": ('POINT', {**BALL, "normalize": False}),
+    "spot": ('SPOT', {"spot_size": 1.5, "spot_blend": 0.5}),
+    "spot-elliptic": ('SPOT', {"spot_size": 1.0, "spot_blend": 0.3, "scale": (1, 2, 0.7)}),
+    "spot-ball": ('SPOT', {**BALL, "spot_size": 1.5, "spot_blend": 1.0}),
     "area-disc": ('AREA', {"shape": 'DISK', "size": 0.15, "scale": (2, 1.5, 1)}),
     "area-spread": ('AREA', {"shape": 'RECTANGLE', "size": 0.1, "size_y": 0.2, "spread": 1.2}),
     "area-narrow": ('AREA', {"shape": 'SQUARE', "size": 0.1, "spread": 0.3}),
@@ -69,16 +61,19 @@ QUICK = tuple(LIGHTS)[:8]
 CASES = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in LIGHTS]
 
 
+RING, FACE = [(-HALF, -HALF), (HALF, -HALF), (HALF, HALF), (-HALF, HALF)], (0, 1, 2, 3)
+CORNERS = [(x, y, z) for z in (-HALF, HALF) for x, y in RING]
+SIDES = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
+
+
 class Box:
     def __init__(self, folder: Path) -> None:
         scene = reading.empty_scene()
-        walls = reading.polygons("Box", *cube())
-        walls.materials[0].node_tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (1,) * 4
-        reading.add("Box", walls)
-        floor = reading.polygons("Floor", [(HALF * x, HALF * y, -HALF) for x, y in RING], [RING4])
-        floor.materials.clear()
-        floor.materials.append(walls.materials[0])
-        reading.add("Floor", floor)
+        white = reading.material("White", 'ShaderNodeBsdfDiffuse', Color=(1,) * 4)
+        for name, faces in (("Box", [FACE, (4, 5, 6, 7), *SIDES]), ("Floor", [FACE])):
+            mesh = reading.polygons(name, CORNERS, faces)
+            mesh.materials[0] = white
+            reading.add(name, mesh)
         for name, (kind, properties) in LIGHTS.items():
             if kind not in ('MESH', 'WORLD'):
                 add_light(name, kind, **properties)
@@ -98,7 +93,7 @@ class Box:
         add_light("driven", 'POINT')
         driver = bpy.data.lights["driven"].driver_add("energy").driver
         driver.expression = "len(bpy.data.objects) * 0.0"
-        self.render_settings(scene, folder / "walls.exr")
+        render_settings(scene, folder / "walls.exr")
         self.documents = {}
         for metre in SCALES_M:
             scene.unit_settings.system, scene.unit_settings.scale_length = 'METRIC', metre
@@ -107,25 +102,6 @@ class Box:
                 bpy.ops.wm.save_as_mainfile(filepath=str(path))
             self.documents[metre] = blender_rad.lights(str(path))
             scene = bpy.context.scene
-
-    @staticmethod
-    def render_settings(scene: Any, path: Path) -> None:
-        scene.render.engine = 'CYCLES'
-        settings = {
-            "samples": SAMPLES, "max_bounces": 0, "pixel_filter_type": 'BOX', "film_exposure": 1.0,
-            "use_adaptive_sampling": False, "use_denoising": False,
-        }  # fmt: skip
-        for name, value in settings.items():
-            setattr(scene.cycles, name, value)
-        render = scene.render
-        render.resolution_x, render.resolution_y = SIZE
-        render.threads_mode, render.threads, render.filepath = 'FIXED', 1, str(path)
-        render.image_settings.file_format, render.image_settings.color_depth = 'OPEN_EXR', '32'
-        camera = reading.camera(type='PANO')
-        camera.location, camera.rotation_euler = (0, 0, 0), (0, 0, 0)
-        pano = camera.data if hasattr(camera.data, "panorama_type") else camera.data.cycles
-        pano.panorama_type = 'EQUIRECTANGULAR'
-        camera.data.clip_start = 0.01
 
     def irradiance(self, name: str) -> np.ndarray:
         """Return E on the walls (or the floor) by direction, (h, w, 3), of one light alone."""
@@ -144,23 +120,31 @@ class Box:
         return pixels
 
 
-RING = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
-RING4 = (0, 1, 2, 3)
+def render_settings(scene: Any, path: Path) -> None:
+    scene.render.engine = 'CYCLES'
+    settings = {
+        "samples": SAMPLES, "max_bounces": 0, "pixel_filter_type": 'BOX', "film_exposure": 1.0,
+        "use_adaptive_sampling": False, "use_denoising": False,
+    }  # fmt: skip
+    for name, value in settings.items():
+        setattr(scene.cycles, name, value)
+    render = scene.render
+    render.resolution_x, render.resolution_y = SIZE
+    render.threads_mode, render.threads, render.filepath = 'FIXED', 1, str(path)
+    render.image_settings.file_format, render.image_settings.color_depth = 'OPEN_EXR', '32'
+    camera = reading.camera(type='PANO')
+    camera.location, camera.rotation_euler = (0, 0, 0), (0, 0, 0)
+    pano = camera.data if hasattr(camera.data, "panorama_type") else camera.data.cycles
+    pano.panorama_type = 'EQUIRECTANGULAR'
+    camera.data.clip_start = 0.01
 
 
-def cube() -> tuple[Any, Any]:
-    corners = [(HALF * x, HALF * y, HALF * z) for z in (-1, 1) for x, y in RING]
-    sides = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
-    return corners, [RING4, (4, 5, 6, 7), *sides]
-
-
-def add_light(name: str, kind: str, **properties: Any) -> None:
+def add_light(name: str, kind: str, *, scale: Any = (1, 1, 1), **properties: Any) -> None:
     light = bpy.data.lights.new(name, kind)
-    created = reading.add(name, light, scale=properties.pop("scale", (1, 1, 1)))
-    light.energy = 40.0
-    for key, value in properties.items():
+    reading.add(name, light, scale=scale, rotation_euler=(0.0, 0.0, 0.3))
+    point = {"shadow_soft_size": 0.0} if kind in ('POINT', 'SPOT') else {}
+    for key, value in {"energy": 40.0, **point, **properties}.items():
         setattr(light, key, value)
-    created.rotation_euler = (0.0, 0.0, 0.3)
     if name == "ies":
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)

@@ -14,12 +14,12 @@ pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 
 import blender_rad  # noqa: E402
+from tests.blender.reading import material  # noqa: E402
 
 from .promised import (  # noqa: E402
     exr,
     inside,
     link,
-    matte,
     panel,
     point,
     refused,
@@ -45,20 +45,6 @@ def lux(document: dict[str, Any]) -> list[float]:
     return [row["illuminance_lx"] for row in document["meters"]]
 
 
-def glowing(name: str, strength: float, at: tuple[float, float, float], material: Any = None):
-    """A square of 1 m² that emits; the material is made where none is given."""
-    thing = square(name, 0.5, at)
-    glow = material or matte(name)
-    if material is None:
-        tree = glow.node_tree
-        emission = tree.nodes.new("ShaderNodeEmission")
-        emission.inputs["Strength"].default_value = strength
-        output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
-        tree.links.new(emission.outputs[0], output.inputs["Surface"])
-    thing.data.materials[0] = glow
-    return thing
-
-
 # Isotropic lamps of 1000 cd over meters 1 m apart, corners included: an independent calculation
 # point by point (E = I cosθ/d²): room, height of lamps and meters, average, least and most.
 ROOMS = [
@@ -79,14 +65,11 @@ def test_grids_of_rooms(tmp_path: Path, room: tuple[Any, ...]) -> None:
     ran = inside("measure", file, "--plane", edges, "--spacing", 1, "--json",
                  "--target-average", average * 0.99, "--target-uniformity", 0.9)  # fmt: skip
     figures = ran.document["grid"]
-    assert ran.code == 1
-    assert figures["targets"]["pass"] is False
-    assert (figures["columns"], figures["rows"]) == (size[0] + 1, size[1] + 1)
-    assert figures["average_lx"] == pytest.approx(average, rel=1e-6)
-    assert figures["minimum_lx"] == pytest.approx(least, rel=1e-6)
-    assert figures["maximum_lx"] == pytest.approx(most, rel=1e-6)
-    assert figures["uniformity_U0"] == pytest.approx(least / average, rel=1e-6)
-    assert figures["uniformity_Ud"] == pytest.approx(least / most, rel=1e-6)
+    assert (ran.code, figures["targets"]["pass"]) == (1, False)
+    expected = {"columns": size[0] + 1, "rows": size[1] + 1, "average_lx": average}
+    expected |= {"minimum_lx": least, "maximum_lx": most}
+    expected |= {"uniformity_U0": least / average, "uniformity_Ud": least / most}
+    assert {key: figures[key] for key in expected} == pytest.approx(expected, rel=1e-6)
     assert sum(row["average_lx"] for row in figures["lights"]) == pytest.approx(average, rel=1e-6)
 
 
@@ -103,9 +86,7 @@ def test_grid_object_hidden_and_turned(tmp_path: Path) -> None:
     away.objects.link(task)
     bpy.context.view_layer.layer_collection.children["Away"].exclude = True
     file = save(tmp_path / "task.blend")
-    found = blender_rad.measure(
-        file, grid="Task", spacing=0.5, margin=0.25, maintenance_factor=0.8
-    )
+    found = blender_rad.measure(file, grid="Task", spacing=0.5, margin=0.25, maintenance_factor=0.8)
     assert (found["grid"]["columns"], found["grid"]["rows"]) == (3, 1)
     place = np.array([row["position_m"] for row in found["meters"]])
     np.testing.assert_allclose(place[:, :2], [[4.0, 0.0]] * 3, atol=1e-6)
@@ -164,14 +145,12 @@ def test_dark_and_unsupported(tmp_path: Path) -> None:
     assert lux(found) == [0.0]
     assert [f["code"] for f in found["findings"]] == ["nothing-emits"]
 
-    def veiled() -> None:
-        point()
-        square("Veil", 3.0, (0, 0, 1)).data.materials[0] = glass = matte("Glass")
-        surface = glass.node_tree.nodes.new("ShaderNodeBsdfTransparent")
-        output = next(n for n in glass.node_tree.nodes if n.type == "OUTPUT_MATERIAL")
-        glass.node_tree.links.new(surface.outputs[0], output.inputs["Surface"])
+    def veil() -> None:
+        glass = material("Glass", 'ShaderNodeBsdfTransparent')
+        square("Veil", 3.0, (0, 0, 1)).data.materials[0] = glass
 
-    found = blender_rad.measure(scene_file(tmp_path, "veil", veiled), at=[(0, 0, 0), (0, 0, 1.5)])
+    file = scene_file(tmp_path, "veil", point, veil)
+    found = blender_rad.measure(file, at=[(0, 0, 0), (0, 0, 1.5)])
     (finding,) = found["findings"]
     assert (finding["code"], finding["object"]) == ("unsupported", "Glass")
     assert "1 of 2" in finding["message"]
@@ -214,8 +193,9 @@ def test_solve_round_trip(tmp_path: Path) -> None:
     group.objects.link(second)
     link("Twin", None, (0.0, 6.0, 0.0)).instance_collection = group
     bpy.data.objects["Twin"].instance_type = "COLLECTION"
-    glow = glowing("C", 3.0, (0.0, -2.0, 2.0))
-    glowing("D", 3.0, (0.0, 2.0, 2.0), glow.data.materials[0])
+    glow = material("Glow", 'ShaderNodeEmission', Strength=3.0)
+    for name, y in (("C", -2.0), ("D", 2.0)):
+        square(name, 0.5, (0.0, y, 2.0)).data.materials[0] = glow
     world("Sky", (0.05, 0.05, 0.05))
     targets = [(300.0, (-2, 0, 0)), (900.0, (2, 0, 0)), (700.0, (0, -2, 0)), (400.0, (0, 2, 0))]
     for k, (_, at) in enumerate(targets):
@@ -231,9 +211,9 @@ def test_solve_round_trip(tmp_path: Path) -> None:
     np.testing.assert_allclose(lux(read), [wanted for _, wanted in asked], rtol=2e-3)
     sky = {row["name"]: row["illuminance_lx"] for row in read["meters"][0]["lights"]}["World"]
     for row in solved["lights"][:2]:
-        lamp = bpy.data.objects[row["name"]].data
-        assert lamp.energy == pytest.approx(row["blender_energy"], rel=1e-6)
-        assert lamp.energy == pytest.approx(50.0 * row["factor"], rel=1e-6)
+        energies = [row["blender_energy"], 50.0 * row["factor"]]
+        energy = bpy.data.objects[row["name"]].data.energy
+        assert energies == pytest.approx([energy] * 2, rel=1e-6)
     solved = blender_rad.solve(file, target="M0=3000", lights="World", output=out)
     assert solved["lights"][0]["blender_energy"] == pytest.approx(solved["lights"][0]["factor"])
     assert lux(blender_rad.measure(out, meter="M0")) == pytest.approx([3000.0], rel=2e-3)
