@@ -15,6 +15,10 @@ from blender_rad.scene import Instance, Mesh
 
 Array = NDArray[np.float64]
 SQUARE = ([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)])
+CUBE = (
+    [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)],
+    [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
+)
 
 
 def empty_scene() -> Any:

@@ -17,16 +17,12 @@ pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 
 from .agreement import Sides, both_sides, lamp, look_at  # noqa: E402
-from .reading import SQUARE, add, empty_scene, material, polygons  # noqa: E402
+from .reading import CUBE, SQUARE, add, empty_scene, material, polygons  # noqa: E402
 
 SIZE = (48, 32)
 TILES, ENERGY = 0.01, 0.002  # relative
 NOISE_OF_TILES, NOISE_OF_ENERGY = 0.015, 0.006  # at most, so that the test means something
 ALPHA = 0.2  # of a pixel, at edges
-CUBE = (
-    [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)],
-    [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
-)
 
 
 def stage(eye: tuple[float, float, float] = (0.5, -6, 3), **box: Any) -> Any:
@@ -76,17 +72,11 @@ def shown(kind: str, location: tuple[float, float, float], **properties: Any) ->
 
 def on_box(light: Mapping[str, Any] | None = None, **box: Any) -> Callable[[], None]:
     """A box with properties, under a light with properties."""
+    key = {"kind": 'POINT', "location": (-1, -1.2, 2.5), "shadow_soft_size": 0.1, **(light or {})}
 
     def build() -> None:
         stage(**box)
-        lamp(
-            **{
-                "kind": 'POINT',
-                "location": (-1, -1.2, 2.5),
-                "shadow_soft_size": 0.1,
-                **(light or {}),
-            }
-        )
+        lamp(**key)
 
     return build
 
@@ -195,8 +185,6 @@ CASES: dict[str, Callable[[], None]] = {
     "no-camera-rays": on_box(visible_camera=False),
     "no-shadow-rays": on_box(visible_shadow=False),
     "no-diffuse-rays": on_box(visible_diffuse=False),
-    "no-shadow-point": on_box({"use_shadow": False}),
-    "no-shadow-spot": on_box({"kind": 'SPOT', "use_shadow": False, "spot_size": 2.2}),
     "no-shadow-area": on_box({"kind": 'AREA', "use_shadow": False}),
     "no-shadow-sun": on_box({"kind": 'SUN', "use_shadow": False, "shadow_soft_size": 0}),
     "negative": on_box({"energy": -50.0}),
@@ -228,17 +216,11 @@ def made_by_nodes() -> None:
     on_box()()
     tree = bpy.data.node_groups.new("Make", 'GeometryNodeTree')
     tree.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
-    ball, cube, line, copies, join, end = (
-        tree.nodes.new(kind)
-        for kind in (
-            'GeometryNodeMeshUVSphere',
-            'GeometryNodeMeshCube',
-            'GeometryNodeMeshLine',
-            'GeometryNodeInstanceOnPoints',
-            'GeometryNodeJoinGeometry',
-            'NodeGroupOutput',
-        )
+    ball, cube, line, copies, join = (
+        tree.nodes.new(f"GeometryNode{kind}")
+        for kind in ("MeshUVSphere", "MeshCube", "MeshLine", "InstanceOnPoints", "JoinGeometry")
     )
+    end = tree.nodes.new("NodeGroupOutput")
     ball.inputs["Radius"].default_value = 0.5
     cube.inputs["Size"].default_value = (0.3, 0.3, 0.3)
     line.inputs["Count"].default_value = 3

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 from blender_rad.bpy_io.read import read_scene  # noqa: E402
 from blender_rad.scene import Scene  # noqa: E402
 
-from .reading import (  # noqa: E402  # noqa: E402
+from .reading import (  # noqa: E402
     SQUARE,
     add,
     camera,
@@ -47,11 +48,19 @@ FRAMES = {
 }
 
 
-def frame(width: int, height: int, aspect_x: float, aspect_y: float, percent: int = 100) -> None:
+def view(width: int, height: int, aspect_x: float = 1, aspect_y: float = 1, **options: Any) -> Any:
+    """Put a camera before what is there, and return it."""
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y = width, height
     render.pixel_aspect_x, render.pixel_aspect_y = aspect_x, aspect_y
-    render.resolution_percentage = percent
+    return camera(**options)
+
+
+def wall(width: int, height: int, aspect_x: float = 1, aspect_y: float = 1, **options: Any) -> Any:
+    """A wall that fills the view of a camera, which is returned."""
+    empty_scene()
+    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
+    return view(width, height, aspect_x, aspect_y, **options)
 
 
 def pixels_of(scene: Scene, points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -78,60 +87,39 @@ def strayed(scene: Scene, path: Path) -> np.ndarray[Any, Any]:
     return np.abs(seen - centres).max(axis=1)
 
 
-@pytest.mark.parametrize("size", FRAMES)
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(("kind", "size"), [*zip(CAMERAS, 2 * [*FRAMES], strict=True)])
 def test_pixels_of_cycles_lie_on_our_rays(kind: str, size: str, tmp_path: Path) -> None:
-    empty_scene()
-    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
-    placed = camera(**CAMERAS[kind])
-    placed.scale = (2, 0.5, 3)
-    frame(*FRAMES[size])
-    scene = read_scene(bpy.context.scene)
-    assert strayed(scene, tmp_path).max() < PIXEL
+    wall(*FRAMES[size], **CAMERAS[kind]).scale = (2, 0.5, 3)
+    assert strayed(read_scene(bpy.context.scene), tmp_path).max() < PIXEL
 
 
 @pytest.mark.parametrize("size", FRAMES)
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_planes_are_those_of_blender(kind: str, size: str) -> None:
-    empty_scene()
-    placed = camera(**CAMERAS[kind])
-    frame(*FRAMES[size])
+    placed = wall(*FRAMES[size], **CAMERAS[kind])
     scene = read_scene(bpy.context.scene)
     assert scene.camera is not None
     left, right, bottom, top = scene.camera.plane
-    wide, high, aspect_x, aspect_y = FRAMES[size]
-    projection = np.array(
-        placed.calc_matrix_camera(
-            bpy.context.evaluated_depsgraph_get(),
-            x=wide,
-            y=high,
-            scale_x=aspect_x,
-            scale_y=aspect_y,
-        )
-    )
+    names = ("x", "y", "scale_x", "scale_y")
+    options = dict(zip(names, FRAMES[size], strict=True))
+    projection = placed.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), **options)
     corners = np.array([(x, y, -1, 1) for x in (left, right) for y in (bottom, top)])
-    seen = corners @ projection.T
+    seen = corners @ np.array(projection).T
     np.testing.assert_allclose(
         seen[:, :2] / seen[:, 3:], [(-1, -1), (-1, 1), (1, -1), (1, 1)], atol=1e-5
     )
 
 
 def test_resolution_percentage_cuts_pixels(tmp_path: Path) -> None:
-    empty_scene()
-    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
-    camera()
-    frame(101, 67, 1, 1, 33)
-    scene = read_scene(bpy.context.scene)
-    assert scene.resolution == (33, 22)
+    wall(101, 67)
+    bpy.context.scene.render.resolution_percentage = 33
+    assert read_scene(bpy.context.scene).resolution == (33, 22)
     assert cycles_passes(tmp_path)["Depth"].shape == (22, 33)
 
 
 @pytest.mark.parametrize("crop", [False, True])
 def test_border_is_what_cycles_renders(crop: bool, tmp_path: Path) -> None:
-    empty_scene()
-    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
-    camera()
-    frame(60, 40, 1, 1)
+    wall(60, 40)
     render = bpy.context.scene.render
     render.use_border, render.use_crop_to_border = True, crop
     render.border_min_x, render.border_max_x = 0.21, 0.66
@@ -149,10 +137,7 @@ def test_border_is_what_cycles_renders(crop: bool, tmp_path: Path) -> None:
 
 
 def test_layers_without_surfaces_show_none(tmp_path: Path) -> None:
-    empty_scene()
-    add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
-    camera()
-    frame(8, 8, 1, 1)
+    wall(8, 8)
     bpy.context.scene.view_layers[0].use_solid = False
     assert not read_scene(bpy.context.scene).instances
     assert not cycles_passes(tmp_path)["Position"].any()
@@ -160,12 +145,8 @@ def test_layers_without_surfaces_show_none(tmp_path: Path) -> None:
 
 def test_the_material_of_empty_slots(tmp_path: Path) -> None:
     """Its diffuse colour in Cycles: the albedo that is read, where it is Lambert."""
-    empty_scene()
-    mesh = polygons("Wall", *SQUARE)
-    mesh.materials.clear()
-    add("Wall", mesh, scale=(50, 50, 1))
-    camera()
-    frame(8, 8, 1, 1)
+    wall(8, 8)
+    bpy.data.objects["Wall"].data.materials.clear()
     scene = read_scene(bpy.context.scene)
     bpy.context.scene.view_layers[0].use_pass_diffuse_color = True
     bpy.context.scene.view_layers[0].use_pass_glossy_color = True
@@ -176,14 +157,6 @@ def test_the_material_of_empty_slots(tmp_path: Path) -> None:
         np.testing.assert_allclose(
             passes["DiffCol"], np.broadcast_to(scene.materials[0].albedo, (8, 8, 3)), rtol=1e-6
         )
-
-
-SCALES = {
-    "plain": (1, 1, 1),
-    "squashed": (2.0, 1.0, 0.4),
-    "mirrored": (-1.5, 1.0, 0.5),
-    "turned-out": (-1, -1, -0.6),
-}
 
 
 def normal_errors(scene: Scene, path: Path, name: str) -> np.ndarray[Any, Any]:
@@ -202,36 +175,6 @@ def normal_errors(scene: Scene, path: Path, name: str) -> np.ndarray[Any, Any]:
     return np.abs(ours - normal).max(axis=1)
 
 
-@pytest.mark.parametrize("users", [1, 2])
-@pytest.mark.parametrize("scale", SCALES)
-def test_normals_are_moved_as_cycles_moves_them(scale: str, users: int, tmp_path: Path) -> None:
-    empty_scene()
-    mesh = sphere("Sphere")
-    add("One", mesh, scale=SCALES[scale], rotation_euler=(0.3, 0.4, 0.1))
-    if users == 2:
-        add("Two", mesh, location=(0, 0, -40), scale=(1, 2, 1))
-    camera()
-    frame(48, 36, 1, 1)
-    scene = read_scene(bpy.context.scene)
-    assert scene.instances[0].normals_in_world == (users == 1)
-    errors = normal_errors(scene, tmp_path, "One")
-    assert np.quantile(errors, 0.99) < NORMAL
-
-
-def test_the_two_ways_of_moving_normals_differ(tmp_path: Path) -> None:
-    """The test above could not fail if both rules gave the same normals."""
-    from dataclasses import replace
-
-    empty_scene()
-    add("One", sphere("Sphere"), scale=(2, 1, 0.4), rotation_euler=(0.3, 0.4, 0.1))
-    camera()
-    frame(48, 36, 1, 1)
-    scene = read_scene(bpy.context.scene)
-    wrong = tuple(replace(i, normals_in_world=not i.normals_in_world) for i in scene.instances)
-    errors = normal_errors(replace(scene, instances=wrong), tmp_path, "One")
-    assert np.quantile(errors, 0.5) > 3 * NORMAL
-
-
 def sharp_edges(mesh: Any) -> None:
     mesh.attributes.new("sharp_edge", 'BOOLEAN', 'EDGE')
     for edge in mesh.edges:
@@ -243,37 +186,65 @@ def sharp_faces(mesh: Any) -> None:
         face.use_smooth = face.index % 4 != 0
 
 
+def bent(vectors: Any) -> Any:
+    normals = np.array([tuple(v) for v in vectors])
+    normals += 0.3 * np.random.default_rng(3).normal(size=normals.shape)
+    return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).tolist()
+
+
 def custom_normals(mesh: Any) -> None:
-    rng = np.random.default_rng(3)
-    normals = np.array([tuple(v.normal) for v in mesh.vertices])
-    normals = normals + 0.3 * rng.normal(size=normals.shape)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    mesh.normals_split_custom_set_from_vertices(normals.tolist())
+    mesh.normals_split_custom_set_from_vertices(bent(v.normal for v in mesh.vertices))
 
 
 def custom_corners(mesh: Any) -> None:
-    rng = np.random.default_rng(4)
-    base = np.array([tuple(n.vector) for n in mesh.corner_normals])
-    normals = base + 0.3 * rng.normal(size=base.shape)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    mesh.normals_split_custom_set(normals.tolist())
+    mesh.normals_split_custom_set(bent(n.vector for n in mesh.corner_normals))
+
+
+def as_it_is(mesh: Any) -> None:
+    """Smooth everywhere."""
+
+
+TURNED = {"rotation_euler": (0.3, 0.4, 0.1)}
 
 
 @pytest.mark.parametrize("users", [1, 2])
-@pytest.mark.parametrize("change", [sharp_edges, sharp_faces, custom_normals, custom_corners])
-def test_normals_of_divided_meshes_are_those_of_cycles(
-    change: Any, users: int, tmp_path: Path
+@pytest.mark.parametrize(
+    ("change", "scale"),
+    [
+        (as_it_is, (2.0, 1.0, 0.4)),
+        (as_it_is, (-1.5, 1.0, 0.5)),
+        (as_it_is, (-1, -1, -0.6)),
+        (sharp_edges, (1.5, 1, 0.7)),
+        (sharp_faces, (1.5, 1, 0.7)),
+        (custom_normals, (1.5, 1, 0.7)),
+        (custom_corners, (1.5, 1, 0.7)),
+    ],
+)
+def test_normals_are_moved_as_cycles_moves_them(
+    change: Any, scale: tuple[float, float, float], users: int, tmp_path: Path
 ) -> None:
     empty_scene()
     mesh = sphere("Sphere")
     change(mesh)
-    add("One", mesh, scale=(1.5, 1, 0.7))
+    add("One", mesh, scale=scale, **TURNED)
     if users == 2:
-        add("Two", mesh, location=(0, 0, -40))
-    camera()
-    frame(48, 36, 1, 1)
-    errors = normal_errors(read_scene(bpy.context.scene), tmp_path, "One")
+        add("Two", mesh, location=(0, 0, -40), scale=(1, 2, 1))
+    view(48, 36)
+    scene = read_scene(bpy.context.scene)
+    assert scene.instances[0].normals_in_world == (users == 1)
+    errors = normal_errors(scene, tmp_path, "One")
     assert np.quantile(errors, 0.99) < NORMAL
+
+
+def test_the_two_ways_of_moving_normals_differ(tmp_path: Path) -> None:
+    """The test above could not fail if both rules gave the same normals."""
+    empty_scene()
+    add("One", sphere("Sphere"), scale=(2, 1, 0.4), **TURNED)
+    view(48, 36)
+    scene = read_scene(bpy.context.scene)
+    wrong = tuple(replace(i, normals_in_world=not i.normals_in_world) for i in scene.instances)
+    errors = normal_errors(replace(scene, instances=wrong), tmp_path, "One")
+    assert np.quantile(errors, 0.5) > 3 * NORMAL
 
 
 @pytest.mark.parametrize("change", [sharp_edges, custom_corners])
@@ -291,8 +262,7 @@ def test_normals_of_divided_meshes_in_geometry_nodes(change: Any, tmp_path: Path
     tree.links.new(found.outputs["Geometry"], end.inputs[0])
     host = add("Host", polygons("Host", *SQUARE), scale=(1.5, 1, 0.7))
     host.modifiers.new("Place", 'NODES').node_group = tree
-    camera()
-    frame(48, 36, 1, 1)
+    view(48, 36)
     scene = read_scene(bpy.context.scene)
     errors = normal_errors(scene, tmp_path, scene.instances[0].name)
     assert np.quantile(errors, 0.99) < NORMAL

@@ -16,12 +16,7 @@ from blender_rad.bpy_io.read import read_scene  # noqa: E402
 from blender_rad.errors import Finding  # noqa: E402
 from blender_rad.scene import Mesh, Scene, Unsupported  # noqa: E402
 
-from .reading import SQUARE, add, camera, empty_scene, material, polygons, sphere  # noqa: E402
-
-CUBE = (
-    [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)],
-    [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
-)
+from .reading import CUBE, SQUARE, add, camera, empty_scene, material, polygons, sphere  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
