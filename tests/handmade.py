@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blender_rad.lights import Light
-from blender_rad.scene import Camera, Instance, Material, Mesh, Scene
+from blender_rad.scene import Camera, Instance, Material, Mesh, Scene, World
 
 Floats = NDArray[np.float64]
 GREY = Material("grey", albedo=(0.8, 0.8, 0.8))
@@ -87,14 +87,8 @@ def scene(
         instances=tuple(instances),
         materials=tuple(materials or [GREY]),
         lights=tuple(lights),
-        world=others.pop("world", None) or _black(),
+        world=others.pop("world", World()),
         camera=camera or camera_above(),
         resolution=resolution,
         **others,
     )
-
-
-def _black() -> Any:
-    from blender_rad.scene import World
-
-    return World()

@@ -20,7 +20,7 @@ OFF = 0.05  # relative, of a pixel
 
 @pytest.mark.parametrize("hidden", [False, True])
 @pytest.mark.parametrize("at", [0.0, 10.0])
-@pytest.mark.parametrize("gap", [0.0, 1e-7, 1e-6, 1e-4])
+@pytest.mark.parametrize("gap", [0.0, 1e-6, 1e-4])
 def test_what_cycles_confuses_is_left_out(gap: float, at: float, hidden: bool) -> None:
     """A floor with a patch on it that the camera does not see, or close below it."""
     empty_scene()

@@ -48,6 +48,15 @@ def strata(rng: np.random.Generator, side: int = SIDE) -> np.ndarray:
     return (cells + rng.random(cells.shape)) / side
 
 
+def far_sphere(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return points on a far sphere about the lights, and its outward normals; both (n, 3)."""
+    u = strata(rng, 192)
+    z, phi = 1.0 - 2.0 * u[:, 0], 2.0 * np.pi * u[:, 1]
+    r = np.sqrt(1.0 - z * z)
+    outward = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
+    return FAR * outward + [0.2, -0.1, 1.5], outward
+
+
 def estimate(light: Light, point, normal, u) -> tuple[float, float]:
     """Return the mean and standard error of sampled irradiance at one receiver."""
     n = len(u)
@@ -57,15 +66,20 @@ def estimate(light: Light, point, normal, u) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("light", LIGHT_LIST)
-def test_samples_are_well_formed(light: Light, rng: np.random.Generator) -> None:
+def test_samples_are_well_formed_and_linear_in_rgb(light: Light, rng: np.random.Generator) -> None:
     points, normals = receivers(rng, 200)
-    sample = light.sample(points, normals, rng.random((200, 2)))
+    u = rng.random((200, 2))
+    sample = light.sample(points, normals, u)
     assert np.allclose(np.linalg.norm(sample.wi, axis=1), 1.0, atol=1e-12)
     lit = sample.weight > 0.0
     assert np.all(sample.weight >= 0.0) and lit.any()
     assert np.all(sample.pdf[lit] > 0.0)
     assert np.all(np.isinf(sample.pdf)) == light.is_delta
     assert np.all(sample.distance[lit] > 0.0)
+    twice = replace(light, rgb=2.0 * light.rgb)
+    assert np.array_equal(twice.radiant_flux(), 2.0 * light.radiant_flux(), equal_nan=True)
+    again = twice.sample(points, normals, u)
+    assert all(np.array_equal(a, b) for a, b in zip(sample, again, strict=True))
 
 
 @pytest.mark.parametrize("light", LIGHT_LIST)
@@ -89,15 +103,11 @@ def test_far_sphere_receives_the_radiant_flux(light: Light, rng: np.random.Gener
         pytest.skip("no flux: at infinity")
     if light.is_delta and light.kind == 'AREA':
         pytest.skip("a parallel beam is a delta on a far sphere; see the analytic tests")
-    u = strata(rng, 192)
-    z, phi = 1.0 - 2.0 * u[:, 0], 2.0 * np.pi * u[:, 1]
-    r = np.sqrt(1.0 - z * z)
-    outward = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
-    points = FAR * outward + [0.2, -0.1, 1.5]
-    sample = light.sample(points, -outward, rng.random((len(u), 2)))
+    points, outward = far_sphere(rng)
+    sample = light.sample(points, -outward, rng.random((len(points), 2)))
     values = sample.weight * np.maximum(-np.einsum("ij,ij->i", sample.wi, outward), 0.0)
     area = 4.0 * np.pi * FAR**2
-    error = area * values.std(ddof=1) / np.sqrt(len(u))
+    error = area * values.std(ddof=1) / np.sqrt(len(points))
     total = area * values.mean()
     assert np.allclose(light.rgb * total, flux, atol=SIGMAS * error * np.abs(light.rgb).max())
     exact = light.irradiance(points, -outward)
@@ -108,15 +118,13 @@ def test_far_sphere_receives_the_radiant_flux(light: Light, rng: np.random.Gener
 @pytest.mark.parametrize("light", LIGHT_LIST)
 def test_far_sphere_shows_the_peaks(light: Light, rng: np.random.Generator) -> None:
     """Greatest radiance and E·d² over directions; the sun's and the world's own facing E."""
-    u = strata(rng, 192)
-    z, phi = 1.0 - 2.0 * u[:, 0], 2.0 * np.pi * u[:, 1]
-    r = np.sqrt(1.0 - z * z)
-    outward = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
+    _, outward = far_sphere(rng)
     axis = getattr(light, "direction", getattr(light, "_axis", outward[0]))
     outward[:2] = -light.towards if light.kind == 'SUN' else axis
     points = FAR * outward + [0.2, -0.1, 1.5]
     centred = [[0.5, 0.5], [0.0, 0.0]]  # of rectangles, of ellipses
-    sample = light.sample(points, -outward, np.append(centred, rng.random((len(u) - 2, 2)), axis=0))
+    u = np.append(centred, rng.random((len(points) - 2, 2)), axis=0)
+    sample = light.sample(points, -outward, u)
     if not light.is_delta:
         seen = float(np.max(sample.weight * sample.pdf))
         assert np.allclose(light.peak_radiance(), light.rgb * seen, rtol=PEAK)
@@ -194,13 +202,3 @@ def test_rays_find_what_was_sampled(light: Light, rng: np.random.Generator) -> N
     assert np.allclose(distance[same], sample.distance[same], rtol=1e-7)
     away, dark = light.intersect(points, -sample.wi)
     assert light.kind in ('WORLD', 'SUN') or np.all(np.isfinite(away[dark > 0.0]))
-
-
-@pytest.mark.parametrize("light", LIGHT_LIST)
-def test_linear_in_rgb(light: Light, rng: np.random.Generator) -> None:
-    twice = replace(light, rgb=2.0 * light.rgb)
-    assert np.array_equal(twice.radiant_flux(), 2.0 * light.radiant_flux(), equal_nan=True)
-    points, normals = receivers(rng, 50)
-    u = rng.random((50, 2))
-    once, again = light.sample(points, normals, u), twice.sample(points, normals, u)
-    assert all(np.array_equal(a, b) for a, b in zip(once, again, strict=True))
