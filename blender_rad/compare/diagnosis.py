@@ -31,6 +31,7 @@ from .result import MIN_ENERGY, Verdict
 PHOTOPIC, CYCLES_IES, RADIANCE = EFFICACIES_LM_W.values()
 
 SIGMAS = 3.0
+LIKELY_SIGMAS = 2.0  # where only the factor tells a cause from a mere scale
 NEGLIGIBLE = 0.25  # of the tolerance: structure below it is left alone
 MAX_ERROR = 0.02  # a factor known no better would fit too many causes by chance
 SLACK = 1e-3  # relative; Cycles itself is up to 3e-4 off the closed forms
@@ -83,8 +84,8 @@ CAUSES = (
 Matches = list[tuple[Cause, float]]
 
 
-def _near(value: float, predicted: float, error: float) -> bool:
-    return abs(value - predicted) <= SIGMAS * error + SLACK * predicted
+def _near(value: float, predicted: float, error: float, sigmas: float = SIGMAS) -> bool:
+    return abs(value - predicted) <= sigmas * error + SLACK * predicted
 
 
 def match_factor(factor: float, error: float, types: set[str], scale: float) -> Matches:
@@ -240,11 +241,11 @@ def _reshape(case: Case, verdicts: Sequence[Verdict]) -> dict[int, Named]:
                 known = problem.factors(changed)
                 found = case.misfit(case.left(changed, known))
                 if structured:
-                    good = found.square < 0.5 * current.square
+                    good, sigmas = found.square < 0.5 * current.square, SIGMAS
                 else:
                     free = shape.code != "colour" and verdicts[g] == "differ"
-                    good = free and not case.is_structure(found)
-                if good and _near(float(known.value[g]), 1.0, float(known.error[g])):
+                    good, sigmas = free and not case.is_structure(found), LIKELY_SIGMAS
+                if good and _near(float(known.value[g]), 1.0, float(known.error[g]), sigmas):
                     tried.append((found, g, shape))
         if not tried:
             break
