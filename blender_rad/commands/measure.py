@@ -21,12 +21,17 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
     Point = tuple[float, ...]
+    Points = tuple[Point, ...]
 
 UP = (0.0, 0.0, 1.0)
 MANY = 1_000_000  # shares of lights in a document
 LEFT_OUT = "too many to list by meter and light; the grid has averages"
 SHOWN = 12  # lights in a table
 PLAN = 12, 24  # columns and rows of a grid that is shown as a table
+
+
+def _points(help: str) -> Any:
+    return option(values.vector(3), help, metavar="X,Y,Z", several=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +45,8 @@ class MeasureOptions(MeterCommand, verb="measure"):
     is 1 where a target of the grid is missed.
     """
 
-    at: tuple[tuple[float, ...], ...] = option(
-        values.vector(3), "where a meter is, in metres", metavar="X,Y,Z", several=True
-    )
-    normal: tuple[tuple[float, ...], ...] = option(
-        values.vector(3), "where it looks (default: up)", metavar="X,Y,Z", several=True
-    )
+    at: Points = _points("where a meter is, in metres")
+    normal: Points = _points("where it looks (default: up)")
     meter: tuple[str, ...] = option(
         values.text, "an object as a meter: its origin and local +Z", metavar="OBJECT", several=True
     )
@@ -77,12 +78,8 @@ class MeasureOptions(MeterCommand, verb="measure"):
         default="irradiance",
         metavar="irradiance|radiance",
     )
-    from_: tuple[tuple[float, ...], ...] = option(
-        values.vector(3), "where a luminance meter is", metavar="X,Y,Z", several=True
-    )
-    towards: tuple[tuple[float, ...], ...] = option(
-        values.vector(3), "a point that it looks at", metavar="X,Y,Z", several=True
-    )
+    from_: Points = _points("where a luminance meter is")
+    towards: Points = _points("a point that it looks at")
 
     def __post_init__(self) -> None:
         super().__post_init__()
