@@ -98,21 +98,9 @@ def holds(value: Any, schema: Any, where: str = "report") -> None:
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("check_scenes")
 
-    def stronger() -> None:
-        point(energy=102.0)
-        panel()
-
-    def hidden() -> None:
-        point()
-        panel().hide_render = True
-
     def cycles(**settings: Any) -> None:
         for name, value in {"pixel_filter_type": 'BOX', **settings}.items():
             setattr(bpy.context.scene.cycles, name, value)
-
-    def names() -> None:
-        point(NAME)
-        world("Himmel <i>", (0.2, 0.2, 0.2))
 
     def instances() -> None:
         lamps = bpy.data.collections.new("Lamps")
@@ -140,11 +128,11 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
     builds: dict[str, tuple[Any, ...]] = {
         "two": (point, panel),
-        "stronger": (stronger,),
-        "hidden": (hidden,),
+        "stronger": (partial(point, energy=102.0), panel),
+        "hidden": (point, lambda: setattr(panel(), "hide_render", True)),
         "exposed": (point, panel, partial(cycles, film_exposure=2.0)),
         "clamped": (point, panel, partial(cycles, sample_clamp_direct=0.2)),
-        "names": (names,),
+        "names": (partial(point, NAME), partial(world, "Himmel <i>", (0.2, 0.2, 0.2))),
         "coincident": (partial(point, "Left"), partial(point, "Right")),
         "instances": (instances,),
         "dark": (),
@@ -316,18 +304,18 @@ def test_too_few_samples(files: dict[str, Path], samples: int) -> None:
     assert run.document["settings"]["cycles_samples"] == samples
 
 
-def test_instances_are_one_row(files: dict[str, Path]) -> None:
-    document = blender_rad.check(files["instances"], samples=32)
-    assert [(x["name"], x["count"]) for x in document["lights"]] == [("Bulb", 3)]
+@pytest.mark.parametrize(
+    ("scene", "counts"), [("instances", {"Bulb": 3}), ("coincident", {"Left": 1, "Right": 1})]
+)
+def test_instances_are_a_row_and_coincident_lights_a_group(
+    scene: str, counts: dict[str, int], files: dict[str, Path]
+) -> None:
+    document = blender_rad.check(files[scene], samples=32)
     assert document["verdict"] == "agree"
-
-
-def test_coincident_lights_are_a_group(files: dict[str, Path]) -> None:
-    document = blender_rad.check(files["coincident"], samples=32)
-    groups = {row["name"]: row["group"] for row in document["lights"]}
-    assert set(groups) == {"Left", "Right"}
-    assert groups["Left"] == groups["Right"] is not None
-    assert document["verdict"] == "agree"
+    assert {row["name"]: row["count"] for row in document["lights"]} == counts
+    groups = {row["group"] for row in document["lights"]}
+    assert len(groups) == 1
+    assert (groups == {None}) == (scene == "instances")
 
 
 def picture(file: Path, folder: Path, seed: int) -> Path:
