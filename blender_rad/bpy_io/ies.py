@@ -66,9 +66,8 @@ def ies_emission(
         return nodes.BLACK, {}, f"{FEATURE} with inputs that are not constant"
     if light.type == 'SUN' or abs(np.linalg.det(frame)) == 0.0:
         return nodes.BLACK, {}, f"{FEATURE} on a {light.type.lower()} light of no size"
-    scale = factor * strength * leaf.weight
-    emission = (scale * rgb[0], scale * rgb[1], scale * rgb[2])
-    return emission, {"ies_text": _content(node), "ies_frame": frame}, None
+    red, green, blue = (factor * strength * leaf.weight * x for x in rgb)
+    return (red, green, blue), {"ies_text": _content(node), "ies_frame": frame}, None
 
 
 def _product(socket: Any, groups: nodes.Groups) -> tuple[float | None, Any, nodes.Groups]:

@@ -68,7 +68,7 @@ class PhotometryOptions(Command, verb="photometry"):
         if self.plot:
             from ..photometry.polar import write_polar
 
-            write_polar(light, self.plot, "cd/klm" if self.unit == "cd/klm" else "cd")
+            write_polar(light, self.plot, per_klm=self.unit == "cd/klm")
         if self.to_ies:
             text = as_ies(light, blender=self.orientation == "blender")
             with atomic_path(self.to_ies) as target:
@@ -80,10 +80,9 @@ class PhotometryOptions(Command, verb="photometry"):
 
 def _document(light: Distribution) -> dict[str, Any]:
     """Return the promised keys; lumens and candelas are null where the table holds W/sr."""
-    flux, visible = light.luminous_flux(), not light.radiometric
+    flux, power, visible = light.luminous_flux(), light.input_power, not light.radiometric
     declared = light.declared_flux or light.lamp_flux
     basis = "luminaire" if light.declared_flux else "lamps" if declared else None
-    power = light.input_power
     return {
         "format": light.format,
         "name": light.name,

@@ -22,18 +22,18 @@ whatever the shape, so that an area light's radiance is I/(A cosθ). It is aimed
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..photometry import MADE_FOR_BLENDER, parse_photometry
+from ..photometry import Distribution as Photometry
 from ..photometry.distribution import directions
-from ..photometry.grid import mirrored
+from ..photometry.grid import both_sides, mirrored
+from ..quantities import K_M
 from ._base import Array, LightRecord, Model
 from ._distribution import Distribution
 
-PHOTOPIC = 683.002  # lm/W
 FROM_CANDELA = 4.0 * np.pi / 177.83
 UNREADABLE = 100.0
 CLOSE_DEG = 1e-4
@@ -55,14 +55,22 @@ def ies_fields(record: LightRecord, model: Model, facing: Array | None = None) -
 
     `facing` (3,) is the normal of an emitter that is flat.
     """
-    light = ies_distribution(record, model, facing)
+    text = record.properties.get("ies_text")
+    if text is None:
+        return {"distribution": None, "notes": ()}
+    frame = np.array(record.properties["ies_frame"], dtype=np.float64)
+    if model == "physical":
+        declared = _declared(parse_photometry(text, record.name), frame, facing)
+        return {"distribution": declared, "notes": ()}
+    even = record.blender_version >= EVEN_SINCE
+    light = _shown(text, np.array(AXES["C"]) @ frame, even)
     notes: list[str] = []
-    if light is not None and model == "cycles":
-        axial = len(light.longitude) == 2
-        notes += ["ies-unreadable"] * (not light.cubic)
-        notes += ["ies-seam"] * (light.cubic and axial and record.blender_version < EVEN_SINCE)
-        for_blender = MADE_FOR_BLENDER.encode() in record.properties["ies_text"]
-        notes += ["ies-mirrored"] * (not for_blender and _handed(light))
+    if not light.cubic:
+        notes.append("ies-unreadable")
+    elif len(light.longitude) == 2 and not even:
+        notes.append("ies-seam")
+    if MADE_FOR_BLENDER.encode() not in text and _handed(light):
+        notes.append("ies-mirrored")
     return {"distribution": light, "notes": tuple(notes)}
 
 
@@ -75,47 +83,39 @@ def _handed(light: Distribution) -> bool:
     return bool(min(misfits) > UNLIKE * table.sum())
 
 
-def ies_distribution(
-    record: LightRecord, model: Model, facing: Array | None = None
-) -> Distribution | None:
-    """Return what the record's IES text does to its light, None without one; see `ies_fields`."""
-    text = record.properties.get("ies_text")
-    if text is None:
-        return None
-    frame = np.array(record.properties["ies_frame"], dtype=np.float64)
-    if model == "physical":
-        return replace(_declared(text, record, frame), facing=facing)
-    frame = np.array(AXES["C"]) @ frame
-    try:
-        azimuth, vertical, table = cycles_table(text)
-    except UnreadableError:
-        around, whole = np.array([0.0, 2.0 * np.pi]), np.array([-0.5, 0.5]) * np.pi
-        return _even(around, whole, np.full((2, 2), UNREADABLE), frame)
-    table = _edged(azimuth, vertical, table, record.blender_version)
-    latitude = vertical - 0.5 * np.pi
-    return Distribution(longitude=azimuth, latitude=latitude, table=table, frame=frame)
-
-
-def _declared(text: bytes, record: LightRecord, frame: Array) -> Distribution:
-    light = parse_photometry(text, record.name)
-    unit = 1.0 if light.radiometric else 1.0 / PHOTOPIC
-    longitude, latitude = np.radians(light.longitude), np.radians(light.latitude)
-    table = 4.0 * np.pi * unit * light.intensity
-    return _even(longitude, latitude, table, np.array(AXES[light.kind]) @ frame)
-
-
-def _even(longitude: Array, latitude: Array, table: Array, frame: Array) -> Distribution:
-    edged, first = np.pad(table, 1), float(longitude[0])
+def _declared(light: Photometry, frame: Array, facing: Array | None) -> Distribution:
+    """Return the light as its maker declares it, 4π times the intensity of 1 W."""
+    per_watt = 4.0 * np.pi / (1.0 if light.radiometric else K_M)
+    longitude = np.radians(light.longitude)
     return Distribution(
-        longitude=longitude, latitude=latitude, table=edged, frame=frame, cubic=False, first=first
+        longitude=longitude,
+        latitude=np.radians(light.latitude),
+        table=np.pad(per_watt * light.intensity, 1),
+        frame=np.array(AXES[light.kind]) @ frame,
+        cubic=False,
+        first=float(longitude[0]),
+        facing=facing,
     )
 
 
-def _edged(azimuth: Array, vertical: Array, table: Array, version: tuple[int, ...]) -> Array:
+def _shown(text: bytes, frame: Array, even: bool) -> Distribution:
+    """Return the light as Cycles reads the text; `even` where it interpolates over edges."""
+    try:
+        azimuth, vertical, table = cycles_table(text)
+    except (UnreadableError, OverflowError):  # the latter of a count with 309 digits
+        azimuth, vertical = np.array([0.0, 2.0 * np.pi]), np.array([0.0, np.pi])
+        table, cubic = np.full((4, 4), UNREADABLE), False
+    else:
+        table, cubic = _edged(azimuth, vertical, table, even), True
+    latitude = vertical - 0.5 * np.pi
+    return Distribution(longitude=azimuth, latitude=latitude, table=table, frame=frame, cubic=cubic)
+
+
+def _edged(azimuth: Array, vertical: Array, table: Array, even: bool) -> Array:
     """Return `table` with the rows that the cubic takes beyond its edges."""
     if min(table.shape) < 2:
         return np.zeros(np.maximum(np.add(table.shape, 2), 4))
-    inner, tiny = float(version >= EVEN_SINCE), np.float32(1e-7)
+    inner, tiny = float(even), np.float32(1e-7)
     round_v = vertical[-1] > np.float32(np.pi) - tiny
     round_h = azimuth[0] < tiny and azimuth[-1] > np.float32(2.0 * np.pi) - tiny
     low = table[:, 1] if vertical[0] < tiny else inner * table[:, 0]
@@ -141,29 +141,29 @@ def cycles_table(data: bytes) -> tuple[Array, Array, Array]:
     if min(start, place) < 0:
         raise UnreadableError
 
-    def take(pattern: re.Pattern[str], count: int = 1) -> Array:
+    def take(pattern: re.Pattern[str]) -> float:
         nonlocal place
-        values: list[float] = []
-        for _ in range(count):
-            match = pattern.match(text, place)
-            if match is None:
-                raise UnreadableError
-            values.append(float(match[1]))
-            place = match.end()
-        return np.array(values)
+        match = pattern.match(text, place)
+        if match is None:
+            raise UnreadableError
+        place = match.end()
+        return float(match[1])
+
+    def reals(count: int) -> Array:
+        return np.array([take(REAL) for _ in range(count)])
 
     if include:
-        take(REAL)
-        take(REAL, 2 * int(take(WHOLE)[0]))
+        reals(1)
+        reals(2 * int(take(WHOLE)))
     take(WHOLE)
-    factor = take(REAL, 2)[1] * FROM_CANDELA
-    n_vertical, n_horizontal, kind = (int(take(WHOLE)[0]) for _ in range(3))
+    factor = reals(2)[1] * FROM_CANDELA
+    n_vertical, n_horizontal, kind = (int(take(WHOLE)) for _ in range(3))
     if kind not in (1, 2, 3) or min(n_vertical, n_horizontal) < 1:
         raise UnreadableError
     take(WHOLE)
-    factor *= take(REAL, 6)[3:5].prod()
-    vertical, azimuth = take(REAL, n_vertical), take(REAL, n_horizontal)
-    table = factor * take(REAL, n_horizontal * n_vertical).reshape(n_horizontal, -1)
+    factor *= reals(6)[3:5].prod()
+    vertical, azimuth = reals(n_vertical), reals(n_horizontal)
+    table = factor * reals(n_horizontal * n_vertical).reshape(n_horizontal, -1)
     azimuth, vertical, table = (_turned_c, _turned_b, _turned_a)[kind - 1](azimuth, vertical, table)
     return _radians(azimuth), _radians(vertical), table
 
@@ -179,21 +179,14 @@ def _close(angle: float, to: float) -> bool:
 
 
 def _turned_a(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
-    if _close(h[0], 0):
-        h, table = mirrored(h, table, at_end=False)
+    h, table = both_sides(h, table, CLOSE_DEG)
     return 180 - h[::-1], v + 90, table[::-1]
 
 
 def _turned_b(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
-    across, table = _both_sides(h, table)
-    around, table = _both_sides(v, table.T)
-    return around, across, table
-
-
-def _both_sides(angle: Array, table: Array) -> tuple[Array, Array]:
-    if _close(angle[0], 0):
-        angle, table = mirrored(angle, table, at_end=False)
-    return angle + 90.0, table
+    across, table = both_sides(h, table, CLOSE_DEG)
+    around, transposed = both_sides(v, table.T, CLOSE_DEG)
+    return around + 90, across + 90, transposed
 
 
 def _turned_c(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
@@ -203,7 +196,7 @@ def _turned_c(h: Array, v: Array, table: Array) -> tuple[Array, Array, Array]:
         return np.array([0.0, 360.0]), v, np.repeat(table, 2, axis=0)
     for end in (90, 180):
         if _close(h[-1], end):
-            h, table = mirrored(h, table, at_end=True)
+            h, table = mirrored(h, table)
     gap = 360 - h[-1]
     steps = (h[-1] - h[-2], h[1] - h[0])
     if _close(h[0], 0) and not _close(gap, 0) and any(_close(step, gap) for step in steps):

@@ -25,26 +25,22 @@ OPENING_LIMIT = 10.0  # m
 def check(light: Distribution, name: str) -> tuple[Finding, ...]:
     """Return what is wrong with the light that the file `name` describes."""
     if light.peak == 0:
-        notes: list[Note] = [("dark", "error", "every intensity is 0", None)]
-    else:
-        notes = [*_flux(light), *_power(light), *_table(light), *_shape(light)]
+        return (Finding("dark", "error", name, "every intensity is 0"),)
+    notes = (*_flux(light), *_power(light), *_table(light), *_shape(light))
     return tuple(Finding(code, how, name, text, effect) for code, how, text, effect in notes)
 
 
 def _flux(light: Distribution) -> Generator[Note]:
     flux, unit = light.luminous_flux(), "W" if light.radiometric else "lm"
-    stated = light.declared_flux
-    if stated is not None and abs(flux / stated - 1) > FLUX_TOLERANCE:
-        off = flux / stated - 1
-        text = f"the table gives {flux:.5g} {unit}, the file states {stated:.5g} {unit}"
-        yield "flux-mismatch", "error" if abs(off) > FLUX_ERROR else "warning", text, 100 * off
-    lamps = light.lamp_flux
-    if lamps is not None and flux > (1 + FLUX_TOLERANCE) * lamps:
-        over = flux / lamps - 1
-        text = f"the table gives {flux:.5g} lm, more than the lamps' {lamps:.5g} lm"
-        yield "more-than-lamps", "error" if over > FLUX_ERROR else "warning", text, 100 * over
-    coarse = light.interpolated_flux() / flux - 1
-    if abs(coarse) > FLUX_TOLERANCE:
+    gives = f"the table gives {flux:.5g} {unit}, "
+    stated, lamps = light.declared_flux, light.lamp_flux
+    if stated is not None and abs(off := flux / stated - 1) > FLUX_TOLERANCE:
+        text = f"{gives}the file states {stated:.5g} {unit}"
+        yield "flux-mismatch", _severity(off), text, 100 * off
+    if lamps is not None and (over := flux / lamps - 1) > FLUX_TOLERANCE:
+        text = f"{gives}more than the lamps' {lamps:.5g} lm"
+        yield "more-than-lamps", _severity(over), text, 100 * over
+    if abs(coarse := light.interpolated_flux() / flux - 1) > FLUX_TOLERANCE:
         text = "the angles are coarse: interpolation and zonal sums give different fluxes"
         yield "coarse-angles", "warning", text, 100 * coarse
     if light.downward_fraction is not None:
@@ -55,16 +51,20 @@ def _flux(light: Distribution) -> Generator[Note]:
             yield "downward-fraction", "warning", text, None
 
 
+def _severity(off: float) -> Severity:
+    return "error" if abs(off) > FLUX_ERROR else "warning"
+
+
 def _power(light: Distribution) -> Generator[Note]:
     if light.input_power is None:
         yield "no-power", "warning", "no input power above 0 W, so no efficacy", None
         return
-    efficacy, text = light.luminous_flux() / light.input_power, "more power goes out than goes in"
-    if light.radiometric and efficacy > 1:
-        yield "efficacy", "error", text, None
-    elif not light.radiometric and efficacy > WHITE_EFFICACY:
-        severity: Severity = "error" if efficacy > EFFICACY_LIMIT else "warning"
-        yield "efficacy", severity, f"{efficacy:.4g} lm/W is more than lamps can do", None
+    efficacy = light.luminous_flux() / light.input_power
+    limit = 1.0 if light.radiometric else EFFICACY_LIMIT
+    if efficacy > (limit if light.radiometric else WHITE_EFFICACY):
+        text = f"{efficacy:.4g} lm/W is more than lamps can do"
+        text = "more power goes out than goes in" if light.radiometric else text
+        yield "efficacy", "error" if efficacy > limit else "warning", text, None
 
 
 def _table(light: Distribution) -> Generator[Note]:

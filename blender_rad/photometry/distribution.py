@@ -21,7 +21,7 @@ B     vertical angle    horizontal      −y     −z
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -85,7 +85,7 @@ class Distribution:
     input_power: float | None = None
     radiometric: bool = False
     tilt: tuple[tuple[float, float], ...] = ()
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[Finding, ...] = ()
 
     def luminous_intensity(self, directions: Array) -> Array:
         """Return the luminous intensity (n,) [cd] towards `directions` (n, 3) of any length.
@@ -167,21 +167,18 @@ class Distribution:
         if abs(t[peak]) > 90:
             profile = np.roll(profile[:-1], len(t) // 2)
             profile = np.append(profile, profile[0])
-        lit = profile >= fraction * profile.max()
-        sides = (_edge(t, profile, lit, side, fraction) for side in (1, -1))
-        return min(float(sum(sides)), 360.0)
+        level = fraction * profile.max()
+        return min(sum(_edge(side * t[::side], profile[::side], level) for side in (1, -1)), 360.0)
 
 
-def _edge(t: Array, profile: Array, lit: NDArray[np.bool_], side: int, fraction: float) -> float:
-    """Return the angle [deg] from the axis at which a side's light ends, negative across it."""
-    t, profile, lit = side * t[::side], profile[::side], lit[::side]
-    last = int(np.flatnonzero(lit & (t <= 90 + SLACK_DEG) & (t >= -90 - SLACK_DEG)).max())
-    while last + 1 < len(t) and lit[last + 1]:
-        last += 1
-    if last + 1 == len(t):
+def _edge(t: Array, profile: Array, level: float) -> float:
+    """Return the angle [deg] at which the light falls to `level` for rising t, negative across."""
+    last = np.flatnonzero((profile >= level) & (np.abs(t) <= 90 + SLACK_DEG))[-1]
+    dark = np.flatnonzero(profile[last:] < level)
+    if not len(dark):
         return 180.0
-    inner, outer, level = profile[last], profile[last + 1], fraction * profile.max()
-    return float(t[last] + (t[last + 1] - t[last]) * (inner - level) / (inner - outer))
+    outer, inner = last + dark[0], last + dark[0] - 1
+    return float(np.interp(level, profile[[outer, inner]], t[[outer, inner]]))
 
 
 def directions(longitude: Array, latitude: Array) -> Array:

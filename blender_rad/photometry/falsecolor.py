@@ -58,22 +58,18 @@ class LightMap:
 
     @property
     def unit(self) -> str:
-        """As people write it."""
         return QUANTITIES[self.quantity].unit
 
     @property
     def no_data_fraction(self) -> float:
-        """Of the pixels."""
         return float(np.isnan(self.values).mean())
 
     @property
     def percentiles(self) -> dict[str, float | None]:
         """Values below which so many percent of the pixels with data lie."""
         known = self.values[np.isfinite(self.values)]
-        found = (
-            np.percentile(known, PERCENTILES).tolist() if known.size else [None] * len(PERCENTILES)
-        )
-        return dict(zip(map(str, PERCENTILES), found, strict=True))
+        found = np.percentile(known, PERCENTILES).tolist() if known.size else None
+        return {str(p): found and found[i] for i, p in enumerate(PERCENTILES)}
 
 
 def read_map(
@@ -202,9 +198,9 @@ def write_map(
     bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
     bar.minorticks_off()
     kind = Path(path).suffix.lower()[1:]
+    undated = {"CreationDate": None} if kind == "pdf" else None
     with atomic_path(path) as target:
-        undated = {"CreationDate": None} if kind == "pdf" else None
-        figure.savefig(target, format=kind, dpi=dpi, metadata=undated)
+        figure.savefig(target, format=kind, metadata=undated)
     return lines
 
 

@@ -5,14 +5,40 @@ from __future__ import annotations
 
 import numpy as np
 
-from .text import Array, Reader
+from .text import SAME_DEG, Array, Numbers, Reader
 
-SAME_DEG = 1e-6
 INTENSITY_LIMIT = 1e12  # cd; the brightest searchlights have 1e9
 NEGATIVE_NOISE = 0.01  # of the peak; more of it is an error
 
 
-def in_order(reader: Reader, angles: Array, table: Array, what: str) -> tuple[Array, Array]:
+def read_table(
+    numbers: Numbers, rows: Array, columns: Array, names: tuple[str, str], line: int
+) -> tuple[Array, Array, Array]:
+    """Return `rows` (m,) and `columns` (n,) [deg] rising, and the intensities (m, n) that follow.
+
+    Raises
+    ------
+    RadError
+        The file ends before, or has a single column; `names` and `line` are of these angles.
+    """
+    what = f"{len(rows)} × {len(columns)} intensities"
+    table = numbers.take(len(rows) * len(columns), what).reshape(len(rows), -1)
+    numbers.note_rest()
+    rows, table = _in_order(numbers.reader, rows, table, names[0])
+    columns, transposed = _in_order(numbers.reader, columns, table.T, names[1])
+    if len(columns) < 2:
+        raise numbers.reader.refuse(f"one {names[1]}", line, "expected two that differ")
+    return rows, columns, transposed.T
+
+
+def check_range(reader: Reader, angles: Array, low: float, high: float, line: int) -> None:
+    """Refuse angles [deg] outside of `low` to `high`."""
+    bad = angles[(angles < low - SAME_DEG) | (angles > high + SAME_DEG)]
+    if len(bad):
+        raise reader.refuse(f"an angle of {bad[0]:g}°", line, f"expected {low:g}° to {high:g}°")
+
+
+def _in_order(reader: Reader, angles: Array, table: Array, what: str) -> tuple[Array, Array]:
     """Return `angles` (m,) rising and the rows (m, n) of `table` with them.
 
     Rows out of order still belong to their angles, so sorting changes no light; of two rows at one
@@ -22,22 +48,27 @@ def in_order(reader: Reader, angles: Array, table: Array, what: str) -> tuple[Ar
         return angles, table
     order = np.argsort(angles, kind="stable")
     if (order != np.arange(len(angles))).any():
-        reader.note("angles-not-rising", "error", f"{what} are not in rising order; sorted")
+        reader.note("angles-not-rising", "error", f"{what}s are not in rising order; sorted")
     angles, table = angles[order], table[order]
     keep = np.append(True, np.diff(angles) > SAME_DEG)
     if not keep.all():
         twin = np.flatnonzero(~keep)
         differ = not np.allclose(table[twin], table[twin - 1], rtol=1e-3)
-        message = f"{what} repeat {angles[twin[0]]:g}°; the first counts"
+        message = f"{what}s repeat {angles[twin[0]]:g}°; the first counts"
         reader.note("angle-twice", "error" if differ else "warning", message)
     return angles[keep], table[keep]
 
 
-def mirrored(angles: Array, table: Array, *, at_end: bool) -> tuple[Array, Array]:
-    """Return the table with its mirror image beyond its last (or before its first) angle."""
-    if at_end:
-        beyond = 2 * angles[-1] - angles[-2::-1]
-        return np.concatenate([angles, beyond]), np.concatenate([table, table[-2::-1]])
+def mirrored(angles: Array, table: Array) -> tuple[Array, Array]:
+    """Return the table with its mirror image beyond its last angle."""
+    beyond = 2 * angles[-1] - angles[-2::-1]
+    return np.concatenate([angles, beyond]), np.concatenate([table, table[-2::-1]])
+
+
+def both_sides(angles: Array, table: Array, slack: float = SAME_DEG) -> tuple[Array, Array]:
+    """Return a table that starts at 0 with its mirror image before it, any other as it is."""
+    if abs(angles[0]) >= slack:
+        return angles, table
     before = 2 * angles[0] - angles[:0:-1]
     return np.concatenate([before, angles]), np.concatenate([table[:0:-1], table])
 
@@ -72,8 +103,8 @@ def unfold_planes(
     symmetry = names[round(planes[0] / 90) % 2]
     if span < 135:
         symmetry = " and ".join(names)
-        planes, table = mirrored(planes, table, at_end=True)
-    return *mirrored(planes, table, at_end=True), symmetry
+        planes, table = mirrored(planes, table)
+    return *mirrored(planes, table), symmetry
 
 
 def light_of(reader: Reader, table: Array, scale: float, line: int) -> Array:
@@ -87,10 +118,3 @@ def light_of(reader: Reader, table: Array, scale: float, line: int) -> Array:
         message = f"{np.sum(table < 0)} negative intensities, down to {table.min():g}; taken as 0"
         reader.note("negative-intensity", "warning" if noise else "error", message)
     return np.maximum(table * scale, 0.0)
-
-
-def check_range(reader: Reader, angles: Array, low: float, high: float, line: int) -> None:
-    """Refuse angles [deg] outside of `low` to `high`."""
-    bad = angles[(angles < low - SAME_DEG) | (angles > high + SAME_DEG)]
-    if len(bad):
-        raise reader.refuse(f"an angle of {bad[0]:g}°", line, f"expected {low:g}° to {high:g}°")

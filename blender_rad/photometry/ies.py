@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from .distribution import Distribution, Kind, Opening
-from .grid import SAME_DEG, check_range, in_order, light_of, mirrored, unfold_planes
-from .text import Array, Numbers, Reader
+from .grid import both_sides, check_range, light_of, read_table, unfold_planes
+from .text import SAME_DEG, Array, Numbers, Reader
 
 FEET = 0.3048  # m
 VERSION = re.compile(r"\s*IES(?:NA)?[:\s]*(?:LM-?63-?)?(?:19|20)?(86|91|95|02|19)\b", re.IGNORECASE)
@@ -42,21 +42,22 @@ def parse_ies(reader: Reader, folder: Path | None = None) -> Distribution:
     """Return the distribution of an IES file; its tilt file is looked for in `folder`."""
     tilt_line = next(n for n, text in enumerate(reader.lines, 1) if TILT.match(text))
     year = _year(reader)
-    labels = _labels(reader.lines[: tilt_line - 1])
+    header = reader.lines[: tilt_line - 1]
+    matches = (KEYWORD.match(text) for text in reversed(header))  # of each keyword the first
+    labels = {m[1].strip().upper().lstrip("_"): m[2].strip() for m in matches if m}
     numbers = reader.tokens(tilt_line + 1)
-    tilt = _tilt(reader, numbers, tilt_line, folder)
+    tilt = _tilt(reader.lines[tilt_line - 1], numbers, folder)
     lamps, lumens = numbers.take(2, SIZES)
-    multiplier = _factor(reader, numbers, SIZES, "multiplier")
+    multiplier = _factor(numbers, SIZES, "multiplier")
     n_vertical = numbers.choice("the number of vertical angles", 2)
     n_horizontal = numbers.choice("the number of horizontal angles", 1)
     kind: Kind = ("C", "B", "A")[numbers.choice("photometric type 1 (C), 2 (B) or 3 (A)", 1, 3) - 1]
     metres = numbers.choice("units of length 1 (feet) or 2 (metres)", 1, 2) == 2
     opening = _opening(reader, numbers.take(3, SIZES) * (1.0 if metres else FEET), year)
-    ballast = _factor(reader, numbers, POWERS, "ballast factor")
-    future, watts = numbers.take(2, POWERS)
-    ballast *= _lamp_factor(reader, year, float(future), numbers.line)
-    longitude, latitude, table, symmetry = _table(reader, numbers, kind, n_vertical, n_horizontal)
-    radiometric = bool(RADIOMETRIC.search("\n".join(reader.lines[: tilt_line - 1])))
+    ballast = _factor(numbers, POWERS, "ballast factor") * _lamp_factor(numbers, year)
+    watts = numbers.one(POWERS)
+    longitude, latitude, table, symmetry = _table(numbers, kind, n_vertical, n_horizontal)
+    radiometric = bool(RADIOMETRIC.search("\n".join(header)))
     unit = 1e-3 if radiometric else 1.0
     if radiometric:
         message = "the table holds mW/sr, not cd; powers are given in W, and no lumens"
@@ -76,7 +77,7 @@ def parse_ies(reader: Reader, folder: Path | None = None) -> Distribution:
         opening=opening,
         lamp_flux=lamp_flux,
         declared_flux=_stated_flux(labels, unit) if lumens < 0 else None,
-        input_power=float(watts) if watts > 0 else None,
+        input_power=watts if watts > 0 else None,
         radiometric=radiometric,
         tilt=tilt,
         findings=tuple(reader.findings),
@@ -92,12 +93,6 @@ def _year(reader: Reader) -> int:
         reader.note("unknown-edition", "warning", message)
         return 2002
     return YEARS[match[1]] if match else 1986
-
-
-def _labels(lines: list[str]) -> dict[str, str]:
-    """Return the first text of each keyword, without the underscore of the maker's own."""
-    matches = (KEYWORD.match(text) for text in reversed(lines))
-    return {m[1].strip().upper().lstrip("_"): m[2].strip() for m in matches if m}
 
 
 def _name(labels: Mapping[str, str], reader: Reader) -> str:
@@ -116,48 +111,47 @@ def _stated_flux(labels: Mapping[str, str], unit: float) -> float | None:
     return None
 
 
-def _factor(reader: Reader, numbers: Numbers, record: str, name: str) -> float:
-    value = float(numbers.take(1, record)[0])
+def _factor(numbers: Numbers, record: str, name: str) -> float:
+    value = numbers.one(record)
     if not value > 0:
-        raise reader.refuse(f"a {name} of {value:g}", numbers.line, f"expected above 0 in {record}")
+        expected = f"expected above 0 in {record}"
+        raise numbers.reader.refuse(f"a {name} of {value:g}", numbers.line, expected)
     return value
 
 
-def _lamp_factor(reader: Reader, year: int, future: float, line: int) -> float:
+def _lamp_factor(numbers: Numbers, year: int) -> float:
     """Return what field 12 multiplies: the ballast-lamp factor until 1995, nothing since.
 
     2002 keeps it at 1 for future use; 2019 states there how the file came about.
     """
-    if year <= 1995 and not future > 0:
-        raise reader.refuse(f"a ballast-lamp factor of {future:g}", line, "expected above 0")
+    if year <= 1995:
+        return _factor(numbers, POWERS, "ballast-lamp factor")
+    future = numbers.one(POWERS)
     if year == 2002 and future != 1:
         message = f"field 12 is for future use and should be 1; {future:g} is not applied"
-        reader.note("future-use", "warning", message, 100 * (future - 1))
-    return future if year <= 1995 else 1.0
+        numbers.reader.note("future-use", "warning", message, 100 * (future - 1))
+    return 1.0
 
 
-def _tilt(
-    reader: Reader, numbers: Numbers, line: int, folder: Path | None
-) -> tuple[tuple[float, float], ...]:
+def _tilt(line: str, numbers: Numbers, folder: Path | None) -> tuple[tuple[float, float], ...]:
     """Return (tilt [deg], factor) as TILT= gives them: here, in a file beside this one, or none."""
-    source, match = reader, TILT.match(reader.lines[line - 1])
-    what = re.sub(r"^FILE\s+", "", match[1].strip(), flags=re.IGNORECASE) if match else ""
+    source = numbers.reader
+    what = re.sub(r"^FILE\s+", "", TILT.sub(r"\1", line).strip(), flags=re.IGNORECASE)
     if what.upper() in ("NONE", ""):
         return ()
     if what.upper() != "INCLUDE":
         path = folder / re.split(r"[/\\:]", what)[-1] if folder else None
         if path is None or not path.is_file():
             message = f"no file {what[:60]!r} beside this one; output when tilted is not known"
-            reader.note("tilt-file-missing", "warning", message)
+            source.note("tilt-file-missing", "warning", message)
             return ()
-        reader = Reader(path.read_bytes(), str(path))
-        numbers = reader.tokens(1)
+        numbers = Reader(path.read_bytes(), str(path)).tokens(1)
     numbers.choice("lamp-to-luminaire geometry", 1, 3)
     count = numbers.choice("the number of tilt angles", 1)
     angles = numbers.take(count, f"{count} tilt angles")
     factors = numbers.take(count, f"{count} tilt factors")
     if (factors < 0).any():
-        raise reader.refuse("a negative tilt factor", numbers.line, "expected 0 or more")
+        raise numbers.reader.refuse("a negative tilt factor", numbers.line, "expected 0 or more")
     message = f"tilted lamps give {factors.min():g} to {factors.max():g} of the flux; not applied"
     source.note("lamp-tilt", "info", message)
     return tuple(zip(angles.tolist(), factors.tolist(), strict=True))
@@ -183,41 +177,26 @@ def _opening(reader: Reader, size: Array, year: int) -> Opening:
 
 
 def _table(
-    reader: Reader, numbers: Numbers, kind: Kind, n_vertical: int, n_horizontal: int
+    numbers: Numbers, kind: Kind, n_vertical: int, n_horizontal: int
 ) -> tuple[Array, Array, Array, str]:
-    """Return longitude, latitude [deg], the unfolded table, and the symmetry."""
-    vertical = numbers.take(n_vertical, f"{n_vertical} vertical angles")
+    """Return longitude, latitude [deg], the unfolded table, and the symmetry.
+
+    In types A and B, angles that start at 0 hold for both sides.
+    """
+    reader, names = numbers.reader, ("horizontal angle", "vertical angle")
+    v = numbers.take(n_vertical, f"{n_vertical} vertical angles")
     line = numbers.line
-    horizontal = numbers.take(n_horizontal, f"{n_horizontal} horizontal angles")
-    count = n_vertical * n_horizontal
-    what = f"{n_horizontal} × {n_vertical} intensities"
-    table = numbers.take(count, what).reshape(n_horizontal, n_vertical)
-    numbers.note_rest()
-    check_range(reader, vertical, *VERTICAL[kind], line)
-    check_range(reader, horizontal, *HORIZONTAL[kind], line)
-    horizontal, table = in_order(reader, horizontal, table, "horizontal angles")
-    vertical, table = in_order(reader, vertical, table.T, "vertical angles")
-    if len(vertical) < 2:
-        raise reader.refuse("one vertical angle", line, "expected two that differ")
+    h = numbers.take(n_horizontal, f"{n_horizontal} horizontal angles")
+    h, v, table = read_table(numbers, h, v, names, line)
+    check_range(reader, v, *VERTICAL[kind], line)
+    check_range(reader, h, *HORIZONTAL[kind], line)
     if kind == "C":
-        planes, unfolded, symmetry = unfold_planes(reader, horizontal, table.T, line)
-        return planes, vertical - 90, unfolded, symmetry
-    if len(horizontal) < 2:
+        planes, table, symmetry = unfold_planes(reader, h, table, line)
+        return planes, v - 90, table, symmetry
+    if len(h) < 2:
         raise reader.refuse("one horizontal angle", line, f"expected two or more in type {kind}")
-    return _turned(kind, horizontal, vertical, table.T)
-
-
-def _turned(
-    kind: Kind, horizontal: Array, vertical: Array, table: Array
-) -> tuple[Array, Array, Array, str]:
-    """Return the grid of type A or B; angles that start at 0 hold for both sides."""
-    same = ""
-    if abs(horizontal[0]) < SAME_DEG:
-        horizontal, table = mirrored(horizontal, table, at_end=False)
-        same = "left-right"
-    if abs(vertical[0]) < SAME_DEG:
-        vertical, transposed = mirrored(vertical, table.T, at_end=False)
-        table, same = transposed.T, f"{same} and up-down" if same else "up-down"
-    if kind == "A":
-        return horizontal, vertical, table, same or "none"
-    return vertical, horizontal, table.T, same or "none"
+    starts = {"left-right": h[0], "up-down": v[0]}
+    same = " and ".join(name for name, angle in starts.items() if abs(angle) < SAME_DEG) or "none"
+    h, table = both_sides(h, table)
+    v, transposed = both_sides(v, table.T)
+    return (h, v, transposed.T, same) if kind == "A" else (v, h, transposed, same)

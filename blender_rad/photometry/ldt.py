@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .distribution import Distribution, Opening
-from .grid import SAME_DEG, check_range, in_order, light_of, unfold_planes
-from .text import NUMBER, Array, Reader
+from .grid import check_range, light_of, read_table, unfold_planes
+from .text import NUMBER, SAME_DEG, Array, Numbers, Reader
 
 MM = 1e-3
 COUNTS = (  # by line, with their limits
@@ -39,11 +39,11 @@ def parse_ldt(reader: Reader, lamp_set: int = 1) -> Distribution:
     """Return the distribution of an EULUMDAT file with one of its lamp sets (from 1)."""
     reader.lines = [text.strip() for text in reader.lines]
     _start_at_first_line(reader)
-    symmetry, n_planes, n_gamma, n_sets = (_whole(reader, *count) for count in COUNTS)
+    counts = (_field(reader, line).choice(what, low, high) for line, what, low, high in COUNTS)
+    symmetry, n_planes, n_gamma, n_sets = counts
     sets = [_lamp_set(reader, FIRST_SET + 6 * i) for i in range(n_sets)]
     if lamp_set > n_sets:
-        where = FIRST_SET - 1
-        raise reader.refuse(f"no lamp set {lamp_set}", where, f"expected one of 1 to {n_sets}")
+        raise reader.refuse(f"no lamp set {lamp_set}", 26, f"expected one of 1 to {n_sets}")
     lamp = sets[lamp_set - 1]
     if n_sets > 1:
         listed = "; ".join(f"{i}: {s.lamps}, {s.flux:g} lm" for i, s in enumerate(sets, 1))
@@ -87,23 +87,20 @@ def _start_at_first_line(reader: Reader) -> None:
         raise reader.refuse("the file ends", len(reader.lines), expected)
 
 
-def _number(reader: Reader, line: int, what: str) -> float:
-    text = reader.lines[line - 1] if line <= len(reader.lines) else ""
-    return reader.number(text.replace(",", "."), line, what)
+def _text(reader: Reader, line: int) -> str:
+    """Return a line with decimal points, empty beyond the last."""
+    return reader.lines[line - 1].replace(",", ".") if line <= len(reader.lines) else ""
 
 
-def _whole(reader: Reader, line: int, what: str, low: int, high: int) -> int:
-    value = _number(reader, line, what)
-    if value != int(value) or not low <= value <= high:
-        message = f"{value:g} is not allowed"
-        raise reader.refuse(message, line, f"expected {what}, a whole number {low} to {high}")
-    return int(value)
+def _field(reader: Reader, line: int) -> Numbers:
+    """Return the number that a line holds, and nothing else."""
+    return Numbers(reader, [(line, _text(reader, line))])
 
 
 def _lenient(reader: Reader, line: int) -> float:
     """Return the number that a line starts with, 0 without: for what does not change the light."""
-    text = reader.lines[line - 1] if line <= len(reader.lines) else ""
-    match = NUMBER.match(text.replace(",", "."))
+    text = _text(reader, line)
+    match = NUMBER.match(text)
     if text and not match:
         message = f"{text[:30]!r} in line {line} is no number; left out"
         reader.note("not-a-number", "info", message)
@@ -111,8 +108,8 @@ def _lenient(reader: Reader, line: int) -> float:
 
 
 def _lamp_set(reader: Reader, line: int) -> LampSet:
-    count = _number(reader, line, "the number of lamps")
-    flux = _number(reader, line + 2, "the luminous flux of the lamps in lm")
+    count = _field(reader, line).one("the number of lamps")
+    flux = _field(reader, line + 2).one("the luminous flux of the lamps in lm")
     if not flux > 0:
         expected = "expected lumens above 0, since the intensities are per 1000 of them"
         raise reader.refuse(f"a lamp flux of {flux:g}", line + 2, expected)
@@ -126,7 +123,7 @@ def _lamp_set(reader: Reader, line: int) -> LampSet:
 def _conversion(reader: Reader) -> float:
     """Return the factor on the intensities that the measurement asks for."""
     given = "the conversion factor of the intensities"
-    factor = _number(reader, 24, given) if reader.lines[23] else 0.0
+    factor = _field(reader, 24).one(given) if reader.lines[23] else 0.0
     if factor < 0:
         raise reader.refuse(f"a conversion factor of {factor:g}", 24, "expected above 0")
     if factor == 0:
@@ -155,19 +152,14 @@ def _table(
     the others from `STORED`'s first to its last.
     """
     numbers = reader.tokens(FIRST_SET + 6 * n_sets + RATIOS, decimal_comma=True)
-    planes = numbers.take(n_planes, f"{n_planes} C planes")
-    check_range(reader, planes, 0, 360, numbers.line)
-    planes, line = _stored(reader, symmetry, planes, numbers.line), numbers.line
-    gamma = numbers.take(n_gamma, f"{n_gamma} angles in a plane")
+    planes, line = numbers.take(n_planes, f"{n_planes} C planes"), numbers.line
+    check_range(reader, planes, 0, 360, line)
+    planes = _stored(reader, symmetry, planes, line)
+    gamma = numbers.take(n_gamma, f"{n_gamma} gamma angles")
     check_range(reader, gamma, 0, 180, numbers.line)
-    what = f"{len(planes)} × {n_gamma} intensities"
-    table = numbers.take(len(planes) * n_gamma, what).reshape(len(planes), n_gamma)
-    numbers.note_rest()
-    planes, table = in_order(reader, planes, table, "C planes")
-    gamma, transposed = in_order(reader, gamma, table.T, "angles in a plane")
-    if len(gamma) < 2:
-        raise reader.refuse("one angle in a plane", numbers.line, "expected two that differ")
-    planes, table, label = unfold_planes(reader, planes, transposed.T, line, ring=symmetry == 0)
+    names = "C plane", "gamma angle"
+    planes, gamma, table = read_table(numbers, planes, gamma, names, numbers.line)
+    planes, table, label = unfold_planes(reader, planes, table, line, ring=symmetry == 0)
     return planes, gamma, table, label
 
 

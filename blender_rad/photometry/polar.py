@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -16,36 +16,28 @@ from .distribution import Distribution
 if TYPE_CHECKING:
     from matplotlib.projections.polar import PolarAxes
 
-Unit = Literal["cd", "cd/klm"]
 STEP_DEG = 0.25
 RINGS = 5
 # Angle, label, colour and line of each plane: told apart in grey too.
 PLANES = ((0.0, "C0 – C180", "#c1121f", "-"), (90.0, "C90 – C270", "#1d4e9e", (0, (5, 2))))
 
 
-def scale_of(light: Distribution, unit: Unit) -> tuple[float, str]:
-    """Return the factor from the table to `unit`, and the unit's text.
+def write_polar(
+    light: Distribution, path: str | os.PathLike[str], *, per_klm: bool = False
+) -> None:
+    """Write the diagram to `path`, a PNG or SVG file.
 
-    Per 1000 lm of the lamps; of the luminaire where the photometry is absolute.
+    `per_klm` is per 1000 lm of the lamps; of the luminaire where the photometry is absolute.
     """
-    if light.radiometric:
-        return 1.0, "W/sr"
-    reference = light.lamp_flux or light.luminous_flux()
-    if unit == "cd" or reference <= 0:
-        return 1.0, "cd"
-    return 1000 / reference, "cd/klm"
-
-
-def write_polar(light: Distribution, path: str | os.PathLike[str], unit: Unit = "cd") -> None:
-    """Write the diagram to `path`, a PNG or SVG file."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    factor, text = scale_of(light, unit)
-    figure = Figure(figsize=(6.4, 7.2), layout="constrained")
+    reference = light.lamp_flux or light.luminous_flux()
+    per_klm = per_klm and not light.radiometric and reference > 0
+    factor = 1000 / reference if per_klm else 1.0
+    figure = Figure(figsize=(6.4, 7.2), dpi=150, layout="constrained")
     axes = cast("PolarAxes", figure.add_subplot(projection="polar"))
     axes.set_theta_zero_location("S")
-    axes.set_theta_direction(1)
     gamma = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1)
     top = 0.0
     for c, label, colour, line in PLANES:
@@ -58,14 +50,14 @@ def write_polar(light: Distribution, path: str | os.PathLike[str], unit: Unit = 
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, frameon=False)
     name = light.name if len(light.name) <= 64 else f"{light.name[:63]}…"
     figure.suptitle(name.replace("$", r"\$"), fontsize=12)
-    amount = f"{light.luminous_flux():.5g} {'W' if light.radiometric else 'lm'}"
-    text += " of the lamps" if text == "cd/klm" and light.lamp_flux else ""
-    caption = f"{text} · {amount} · {light.format}, type {light.kind}"
+    unit, total = ("W/sr", "W") if light.radiometric else ("cd/klm" if per_klm else "cd", "lm")
+    unit += " of the lamps" if per_klm and light.lamp_flux else ""
+    caption = f"{unit} · {light.luminous_flux():.5g} {total} · {light.format}, type {light.kind}"
     axes.set_title(caption, fontsize=9, color="#444444")
     vector = Path(path).suffix.lower() == ".svg"
-    options: dict[str, Any] = {"metadata": {"Date": None}} if vector else {"dpi": 150}
     with mpl.rc_context({"svg.hashsalt": "polar"}), atomic_path(path) as target:
-        figure.savefig(target, format="svg" if vector else "png", **options)
+        kind, metadata = ("svg", {"Date": None}) if vector else ("png", None)
+        figure.savefig(target, format=kind, metadata=metadata)
 
 
 def _rings(axes: PolarAxes, top: float) -> None:

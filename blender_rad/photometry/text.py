@@ -14,18 +14,14 @@ from ..errors import Finding, RadError, Severity
 Array = NDArray[np.float64]
 
 SIZE_LIMIT = 64 << 20  # bytes; the largest real files have a hundredth of it
+SAME_DEG = 1e-6
 TINY = 1e-30  # no quantity here is smaller, or its inverse greater
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NOT_TEXT = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
 
 
 class Reader:
-    """The lines of a file, and what was found and repaired in it so far.
-
-    Parameters
-    ----------
-    data : content of the file.
-    name : what messages call the file.
+    """The lines of a file that messages call `name`, and what was found and repaired so far.
 
     Raises
     ------
@@ -69,13 +65,10 @@ class Reader:
             raise self.refuse(f"{text[:30]!r} is not a usable number", line, f"expected {what}")
         return value if abs(value) > TINY else 0.0
 
-    def tokens(self, first: int, last: int | None = None, decimal_comma: bool = False) -> Numbers:
-        """Return what stands in lines `first` to `last` (from 1), apart by blanks.
-
-        Commas are blanks as well, or decimal points.
-        """
+    def tokens(self, first: int, decimal_comma: bool = False) -> Numbers:
+        """Return what blanks or commas part from line `first` (from 1) on."""
         lines = [text.replace(",", "." if decimal_comma else " ") for text in self.lines]
-        rows = enumerate(lines[first - 1 : last], first)
+        rows = enumerate(lines[first - 1 :], first)
         return Numbers(self, ((line, token) for line, text in rows for token in text.split()))
 
 
@@ -83,7 +76,7 @@ class Numbers:
     """Numbers that are taken one after the other, each with its line."""
 
     def __init__(self, reader: Reader, tokens: Iterable[tuple[int, str]]) -> None:
-        self._reader, self._tokens, self._at = reader, list(tokens), 0
+        self.reader, self._tokens, self._at = reader, list(tokens), 0
 
     @property
     def line(self) -> int:
@@ -93,21 +86,25 @@ class Numbers:
     def take(self, count: int, what: str) -> Array:
         """Return the next `count` numbers."""
         taken = self._tokens[self._at : self._at + count]
-        values = [self._reader.number(token, line, what) for line, token in taken]
+        values = [self.reader.number(token, line, what) for line, token in taken]
         if len(taken) < count:
-            last = self._tokens[-1][0] if self._tokens else len(self._reader.lines)
+            last = self._tokens[-1][0] if self._tokens else len(self.reader.lines)
             message = f"the data ends after {len(taken)} of {count} numbers"
-            raise self._reader.refuse(message, last, f"expected {what}")
+            raise self.reader.refuse(message, last, f"expected {what}")
         self._at += count
         return np.array(values, dtype=np.float64)
 
+    def one(self, what: str) -> float:
+        """Return the next number."""
+        return float(self.take(1, what)[0])
+
     def choice(self, what: str, low: int, high: int | None = None) -> int:
         """Return the next number, which has to be a whole one from `low` to `high`."""
-        value = self.take(1, what)[0]
+        value = self.one(what)
         if value != int(value) or value < low or (high is not None and value > high):
             limits = f"of at least {low}" if high is None else f"{low} to {high}"
             expected = f"expected {what}, a whole number {limits}"
-            raise self._reader.refuse(f"{value:g} is not allowed", self.line, expected)
+            raise self.reader.refuse(f"{value:g} is not allowed", self.line, expected)
         return int(value)
 
     def note_rest(self) -> None:
@@ -116,6 +113,6 @@ class Numbers:
             line, token = self._tokens[self._at]
             rest = f"after the end of the table, {token[:30]!r} in line {line}, is ignored"
             if NUMBER.fullmatch(token):
-                self._reader.note("trailing-values", "warning", f"what comes {rest}")
+                self.reader.note("trailing-values", "warning", f"what comes {rest}")
             else:
-                self._reader.note("trailing-text", "info", f"text {rest}")
+                self.reader.note("trailing-text", "info", f"text {rest}")

@@ -18,19 +18,17 @@ MADE_FOR_BLENDER = "planes turned for Blender's IES Texture"
 def as_ies(light: Distribution, *, blender: bool = False) -> str:
     """Return an LM-63-2002 text of the same light: its angles, candelas, lamps, watts and opening.
 
-    C planes keep their numbers, from 0° to 360°; types A and B stay what they are. Read back, it
-    gives the same intensities.
+    Read back, it gives the same intensities: planes keep their numbers, types A and B their kind.
 
-    With `blender` it is made for Blender's IES Texture instead: on a light object that is not
-    turned, C0 shines along +X, C90 along +Y and gamma 0 down. Blender takes azimuth h to be the
-    direction (-sin h, -cos h), with the clock, so that h = 270° - C; it drops the light of the
-    first and the last cell of azimuth, so that one more of each is added. Types A and B become C,
-    in steps as fine as theirs (1° to 2°).
+    With `blender` it is made for Blender's IES Texture: on a light object that is not turned, C0
+    shines along +X, C90 along +Y and gamma 0 down. Blender takes azimuth h to be the direction
+    (-sin h, -cos h), so that h = 270° - C; it drops the light of the first and the last cell of
+    azimuth, so that one more of each is added. Types A and B become C, in steps as fine as theirs.
     """
-    kind, longitude, vertical, table = light.kind, light.longitude, light.latitude, light.intensity
-    if blender and kind != "C":
+    longitude, vertical, table = light.longitude, light.latitude, light.intensity
+    kind = "C" if blender else light.kind
+    if kind != light.kind:
         longitude, vertical, table = _sampled(light)
-        kind = "C"
     if kind == "C":
         vertical = np.round(vertical + 90.0, 9)
         longitude, table = _planes(longitude, table, blender)
@@ -59,16 +57,17 @@ def _line(values: Array) -> str:
 
 def _planes(longitude: Array, table: Array, blender: bool) -> tuple[Array, Array]:
     """Return the planes from 0° to 360°, interpolated where the file has none at 0°."""
-    around, first = (-1.0, 270.0) if blender else (1.0, 0.0), longitude[0]
     if not blender and len(longitude) == 2 and (table[0] == table[1]).all():
         return longitude[:1], table[:1]
-    if not blender and longitude[0] == 0.0:
+    first = longitude[0]
+    if not blender and first == 0.0:
         return longitude, table
-    turned = np.round(np.mod(around[0] * longitude + around[1], 360.0), 9)
+    sign, zero = (-1.0, 270.0) if blender else (1.0, 0.0)
+    turned = np.round(np.mod(sign * longitude + zero, 360.0), 9)
     turned = np.unique(np.append(turned % 360.0, [0.0, 360.0]))
     if blender:
         turned = np.concatenate([[turned[-2] - 360.0], turned, [turned[1] + 360.0]])
-    at = first + np.mod(around[0] * (turned - around[1]) - first, 360.0)
+    at = first + np.mod(sign * (turned - zero) - first, 360.0)
     i, part = cells(longitude, at)[:2]
     return turned, (1.0 - part)[:, None] * table[i] + part[:, None] * table[i + 1]
 
