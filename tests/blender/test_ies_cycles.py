@@ -18,7 +18,9 @@ from blender_rad.bpy_io.ies import add_photometric_light  # noqa: E402
 from blender_rad.bpy_io.lights import light_record  # noqa: E402
 from blender_rad.lights import Light, light_from_record  # noqa: E402
 from blender_rad.photometry import parse_photometry  # noqa: E402
+from tests.blender.reading import add  # noqa: E402
 from tests.blender.test_lights_cycles import Stage, assert_same, ours  # noqa: E402
+from tests.unit.test_photometry import ies as file_of  # noqa: E402
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 # Off the axes of every type; two are near the seam at -Y, and one is above.
@@ -30,12 +32,13 @@ SCALED = TILTED @ Matrix.Diagonal((1, 2, 0.7, 1))
 SINGLE_PRECISION = 1e-4  # of angles near a table's ends; the cubic makes more of it
 
 
-def ies(v: Any = HALF, h: Any = TURN, kind: int = 1, factors: str = "1 1") -> str:
-    """Return a rough table without symmetry."""
-    table = 300.0 + 200.0 * np.random.default_rng(3).random((len(h), len(v)))
-    rows = ["IESNA:LM-63-2002", "TILT=NONE", f"1 -1 2 {len(v)} {len(h)} {kind} 1 0 0 0"]
-    rows += [f"{factors} 50", *(" ".join(f"{x:.6g}" for x in row) for row in (v, h, *table))]
-    return "\n".join(rows) + "\n"
+def rough(d: np.ndarray) -> np.ndarray:
+    """Return a table without symmetry."""
+    return (300.0 + 200.0 * np.random.default_rng(3).random(d.shape[:-1])).round(3)
+
+
+def ies(v: Any = HALF, h: Any = TURN, kind: str = "C", factors: str = "1 1 50") -> str:
+    return file_of(rough, kind, (v, h), lamps="1 -1 2", factors=factors, size="0 0 0")
 
 
 TEXTS = {
@@ -48,19 +51,22 @@ TEXTS = {
     "not-closed": ies(h=TURN[:-1]),
     "uneven": ies(h=[0, 20, 90, 200, 300], v=[20, 30, 90, 160]),
     "not-rising": ies(h=[0, 90, 60, 120, 360]),
-    "A": ies(HALF - 90, TURN[:7] - 90, 3, factors="0.9 0.8"),
-    "A-half": ies(HALF[:7], HALF[:7], 3),
-    "B": ies(HALF - 90, HALF - 90, 2),
-    "B-half": ies(HALF[:7], HALF[:7], 2),
+    "A": ies(HALF - 90, TURN[:7] - 90, "A", factors="0.9 0.8 50"),
+    "A-half": ies(HALF[:7], HALF[:7], "A"),
+    "B": ies(HALF - 90, HALF - 90, "B"),
+    "B-half": ies(HALF[:7], HALF[:7], "B"),
     "commas-and-tilt": ies().replace("NONE", "INCLUDE\n1\n2\n0 90\n1 0.5").replace(" ", ", "),
     "unreadable": ies().replace("TILT=NONE", "TILT = NONE"),
     "too-short": ies()[:-9],
     "one-angle": ies(v=[90]) + "\n",
 }
-
-
-HANDED = {"full", "from-minus-90", "not-closed", "uneven", "not-rising", "A", "B"}
-HANDED |= {"commas-and-tilt"}
+NOTES = dict.fromkeys(["unreadable", "too-short"], ("ies-unreadable",))
+NOTES |= dict.fromkeys(
+    "full from-minus-90 not-closed uneven not-rising A B commas-and-tilt".split(),
+    ("ies-mirrored",),
+)
+if bpy.app.version < (5, 0):
+    NOTES["axial"] = ("ies-seam",)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +80,7 @@ def light_of(stage: Stage, text: str | Path, kind: str = 'POINT', turned: Any = 
     """Show a light whose IES Texture has `text`, or reads that file."""
     lamp = bpy.data.lights.new("IES", kind)
     lamp.energy, lamp.color = 2.0, (1.0, 0.5, 0.25)
-    if kind != 'AREA':
+    if kind in {'POINT', 'SPOT'}:
         lamp.shadow_soft_size = 0.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -87,39 +93,32 @@ def light_of(stage: Stage, text: str | Path, kind: str = 'POINT', turned: Any = 
         node.mode, node.ies = 'INTERNAL', bpy.data.texts.new("IES")
         node.ies.from_string(text)
     tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Strength"])
-    stage.show(bpy.data.objects.new("IES", lamp), turned or Matrix())
+    stage.show(lamp, turned or Matrix())
     return lamp
 
 
-def read(stage: Stage, model: Any = "cycles") -> Light | None:
+def read(stage: Stage, model: Any = "cycles") -> Light:
     evaluated = stage.light.evaluated_get(bpy.context.evaluated_depsgraph_get())
     matrix = np.array(evaluated.matrix_world)
     record = light_record(evaluated, "IES", matrix, unit_scale_m=1.0, version=bpy.app.version)
-    assert not record.unknown
-    return light_from_record(record, model)
+    light = light_from_record(record, model)
+    assert light is not None and not record.unknown
+    return light
 
 
 def assert_as_cycles(stage: Stage) -> None:
-    light = read(stage)
-    assert light is not None
-    assert_same(stage, light, RECEIVERS, SINGLE_PRECISION)
+    assert_same(stage, read(stage), RECEIVERS, SINGLE_PRECISION)
 
 
 @pytest.mark.parametrize("name", TEXTS)
 def test_texts_mean_what_cycles_makes_of_them(stage: Stage, name: str) -> None:
     light_of(stage, TEXTS[name])
     if name == "one-angle":
-        dark = read(stage)
-        assert dark is not None and not dark.radiant_flux().any()
+        assert not read(stage).radiant_flux().any()
         assert not stage.irradiance(*RECEIVERS[0])[0].any()
         return
     assert_as_cycles(stage)
-    light = read(stage)
-    expected = {"unreadable": "unreadable", "too-short": "unreadable"}.get(name)
-    expected = "mirrored" if name in HANDED else expected
-    if name == "axial" and bpy.app.version < (5, 0):
-        expected = "seam"
-    assert light is not None and light.notes == ((f"ies-{expected}",) if expected else ())
+    assert read(stage).notes == NOTES.get(name, ())
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="needs the real files, which are not ours")
@@ -194,47 +193,43 @@ def test_lights_of_every_shape(stage: Stage, kind: str, properties: dict[str, An
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("kind", "change"),
     [
-        lambda lamp: setattr(lamp, "type", 'SUN'),
-        vector("ShaderNodeTexCoord", "Object"),
-        vector("ShaderNodeTexCoord", "Generated", "POINT"),
+        ('SUN', lambda tree, node: None),
+        ('POINT', vector("ShaderNodeTexCoord", "Object")),
+        ('POINT', vector("ShaderNodeTexCoord", "Generated", "POINT")),
     ],
 )
-def test_what_is_not_known_is_said(stage: Stage, change: Any) -> None:
-    lamp = light_of(stage, TEXTS["full"])
-    tree = lamp.node_tree
-    change(*([lamp] if change.__name__ == "<lambda>" else [tree, tree.nodes["IES Texture"]]))
-    lamp = stage.light.data
+def test_what_is_not_known_is_said(stage: Stage, kind: str, change: Any) -> None:
+    tree = light_of(stage, TEXTS["full"], kind).node_tree
+    change(tree, tree.nodes["IES Texture"])
     record = light_record(stage.light, "IES", np.eye(4), unit_scale_m=1.0, version=(4, 5, 0))
     assert "IES Texture" in record.unknown
 
 
-@pytest.mark.parametrize("name", ["A-half", "B", "axial", "full"])
+# Angles, fine enough for a cubic, a line and a turned grid to differ little; where the light leans.
+FINE = np.arange(-90, 181, 2)
+MADE = {
+    "A-half": ((FINE[45:91], FINE[45:91]), (0, 0, 0)),
+    "B": ((FINE[:91], FINE[:91]), (0.5, 0, 0)),
+    "C-axial": ((FINE[45:], [0]), (0, 0, 0)),
+    "C-full": ((FINE[45:], np.arange(0, 361, 5)), (0.76, 0.64, 0)),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
 def test_made_lights_shine_as_their_files_say(stage: Stage, name: str) -> None:
     """C0 along +X, C90 along +Y, gamma 0 down, in candela: in Cycles, and in the physical model."""
     stage.clear()
-    light = parse_photometry(smooth(name).encode(), "a")
+    grid, lean = MADE[name]
+    smooth = file_of(lambda d: 1000.0 + 300.0 * (d @ lean - d[..., 2]), name[0], grid)
+    light = parse_photometry(smooth.encode(), "a")
     stage.light = add_photometric_light(light)
-    stage.parent = stage.put(bpy.data.objects.new("Parent", None))
+    stage.parent = add("Parent", None)
     mine, declared = read(stage), read(stage, "physical")
-    assert mine is not None and declared is not None and mine.notes == ()
+    assert mine.notes == ()
     for d, receiver in zip(TOWARDS, RECEIVERS, strict=True):
         candela = light.luminous_intensity(d[None])[0]
         expected = candela / (1.5**2 * (d @ d))
         assert ours(declared, *receiver)[0][0] * 683.002 == pytest.approx(expected, rel=2e-3)
         assert stage.irradiance(*receiver)[0][0] * 177.83 == pytest.approx(expected, rel=2e-3)
-
-
-def smooth(name: str) -> str:
-    """Return a table in which a cubic, a line and a turned grid differ little."""
-    v = np.arange(-90 if name == "B" else 0, 181 if name in ("axial", "full") else 91, 2)
-    h = {"axial": np.zeros(1), "full": np.arange(0, 361, 5)}.get(name, v)
-    a, b = np.radians(np.meshgrid(h, v, indexing="ij"))
-    turned = np.cos(a) * np.cos(b) * (1.0 + 0.5 * np.sin(b) * (name == "B"))
-    if name in ("axial", "full"):
-        turned = np.cos(b) + np.sin(b) * np.cos(a - 0.7) * (name == "full")
-    kind = {"A-half": 3, "B": 2}.get(name, 1)
-    rows = ["IESNA:LM-63-2002", "TILT=NONE", f"1 -1 1 {len(v)} {len(h)} {kind} 1 0 0 0", "1 1 50"]
-    rows += (" ".join(f"{x:.9g}" for x in row) for row in (v, h, *(1000.0 + 300.0 * turned)))
-    return "\n".join(rows) + "\n"
