@@ -48,7 +48,7 @@ class Pixels:
     """
 
     def __init__(self, layers: int, count: int, streams: int) -> None:
-        self.streams = np.zeros((count, streams, 3))
+        self.streams = np.zeros((streams, count, 3))
         self.taken = np.zeros(count, dtype=np.int64)
         self.lights = np.zeros((2, layers, count, 3), dtype=np.float32)  # by half of the streams
         self.shown = np.zeros((layers, count, 3), dtype=np.float32)  # of `seen`
@@ -70,19 +70,20 @@ class Pixels:
         first, second = self.lights * weight[:, None, :, None].astype(np.float32)
         return self.lights.sum(axis=0) / taken[:, None].astype(np.float32), first - second
 
-    def mean(self) -> Floats:
-        """Radiance (n, 3)."""
-        return np.einsum("nsk->nk", self.streams) / np.maximum(self.taken, 1)[:, None]
-
-    def variance(self) -> Floats:
-        """Variance (n, 3) of the mean, from the spread of the streams.
+    def radiance(self) -> tuple[Floats, Floats]:
+        """Return the mean (n, 3), and its variance (n, 3) from the spread of the streams.
 
         A single sample tells nothing of its error, which is then taken to be all of the value.
         """
-        mean, count = self.mean(), self.streams.shape[1]
-        each = (self.taken[:, None] + np.arange(count)[::-1]) // count  # samples by stream
-        own = self.streams / np.maximum(each, 1)[:, :, None] - mean[:, None]
-        spread = np.einsum("ns,nsk->nk", each, own**2)
-        freedom = ((np.minimum(self.taken, count) - 1) * self.taken).astype(float)
-        spread[freedom == 0] = mean[freedom == 0] ** 2
-        return spread / np.maximum(freedom, 1.0)[:, None]
+        count, taken = len(self.streams), np.maximum(self.taken, 1)[:, None].astype(float)
+        mean = np.sum(self.streams, axis=0) / taken
+        spread = np.zeros_like(mean)
+        for number, total in enumerate(self.streams):
+            each = ((self.taken + count - 1 - number) // count)[:, None].astype(float)
+            own = total / np.maximum(each, 1.0) - mean
+            own *= own
+            own *= each
+            spread += own
+        alone = self.taken < 2
+        spread[alone] = mean[alone] ** 2
+        return mean, spread / (np.maximum(np.minimum(taken, count) - 1.0, 1.0) * taken)

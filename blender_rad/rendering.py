@@ -156,18 +156,18 @@ class _Run:
             wanted, share = self._wanted_steps(error)
             if not wanted.any():
                 break
-            for step in range(int(wanted.max())):
-                self._round(pool, np.flatnonzero(wanted > step), STREAMS, (share, share))
+            rows = np.argsort(-wanted, kind="stable")[: np.count_nonzero(wanted)]
+            self._round(pool, rows, STREAMS, (share, share), wanted[rows])
 
     def _wanted_steps(self, error: float) -> tuple[Ints, float]:
         """Return how many more steps each pixel should have (n,), and the share of work done."""
-        mean, variance = self.sums.mean(), self.sums.variance()
+        mean, variance = self.sums.radiance()
         signal = mean**2 + 0.01 * np.mean(mean, axis=0) ** 2
         ratio = np.divide(variance, signal, out=np.zeros_like(variance), where=signal > 0)
         if np.mean(ratio) <= error**2:
             return np.zeros(len(mean), dtype=np.int64), 1.0
         taken = self.sums.taken // STREAMS
-        spread = self._framed(ratio.mean(axis=1) * taken)
+        spread = self._framed((ratio[:, 0] + ratio[:, 1] + ratio[:, 2]) / 3.0 * taken)
         near = neighbourhood_mean(spread, self.inside, own=False)
         one_step = np.sqrt(near.reshape(-1)[self.place])
         wanted = one_step * (np.mean(one_step) / error**2)
@@ -177,14 +177,20 @@ class _Run:
         return wanted.astype(np.int64) - taken, share
 
     def _round(
-        self, pool: ThreadPoolExecutor, rows: Ints, count: int, share: tuple[float, float]
+        self,
+        pool: ThreadPoolExecutor,
+        rows: Ints,
+        count: int,
+        share: tuple[float, float],
+        times: Ints | None = None,
     ) -> None:
-        """Take the next `count` samples of the pixels `rows`."""
+        """Take the next `count` samples of the pixels `rows`, once or several `times` (n,) over."""
         if self.late:
             return
         size = max(BATCH // count, 1)
-        batches = [rows[k : k + size] for k in range(0, len(rows), size)]
-        jobs = [pool.submit(self._batch, batch, count) for batch in batches]
+        times = np.ones(len(rows), dtype=np.int64) if times is None else times
+        batches = [slice(k, k + size) for k in range(0, len(rows), size)]
+        jobs = [pool.submit(self._batch, rows[part], count, times[part]) for part in batches]
         try:
             for number, job in enumerate(jobs):
                 job.result()
@@ -194,13 +200,14 @@ class _Run:
             wait(jobs, return_when=FIRST_EXCEPTION)
             raise
 
-    def _batch(self, rows: Ints, count: int) -> None:
-        if self.cancel.is_set():
-            raise CancelledError
-        if time.monotonic() > self.deadline and self.sums.taken[rows].all():
-            self.late = True
-            return
-        self._trace(rows, count)
+    def _batch(self, rows: Ints, count: int, times: Ints) -> None:
+        for step in range(int(times.max())):
+            if self.cancel.is_set():
+                raise CancelledError
+            if time.monotonic() > self.deadline and self.sums.taken[rows].all():
+                self.late = True
+                return
+            self._trace(rows[times > step], count)
 
     # --- one batch ----------------------------------------------------------------------------
 
@@ -227,7 +234,7 @@ class _Run:
             )
             radiance += batch.spread(self._reflected(batch, surface, share, uniform))
         sums = self.sums
-        sums.streams[rows[:, None], stream] += batch.by_pixel(radiance)
+        sums.streams[stream, rows[:, None]] += batch.by_pixel(radiance)
         sums.taken[rows] += count
 
     def _surfaces(self, batch: Batch, surface: Surface) -> Floats:
@@ -321,6 +328,7 @@ class _Run:
         sums, scene = self.sums, self.scene
         samples = sums.taken
         weight = 1.0 / np.maximum(samples, 1)
+        mean, variance = sums.radiance()
         masks = self._excluded_by()
         excluded = np.any([np.zeros(len(samples), dtype=bool), *masks.values()], axis=0)
         lights, noise = (
@@ -334,8 +342,8 @@ class _Run:
         }
         length = np.linalg.norm(sums.normal, axis=1)[:, None]
         return Film(
-            radiance=self._framed(sums.mean()),
-            variance=self._framed(sums.variance()),
+            radiance=self._framed(mean),
+            variance=self._framed(variance),
             alpha=self._framed(sums.alpha * weight),
             lights=lights,
             noise=noise,
