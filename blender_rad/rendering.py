@@ -168,8 +168,10 @@ class _Run:
             return np.zeros(len(mean), dtype=np.int64), 1.0
         taken = self.sums.taken // STREAMS
         spread = self._framed((ratio[:, 0] + ratio[:, 1] + ratio[:, 2]) / 3.0 * taken)
-        near = neighbourhood_mean(spread, self.inside, own=False)
-        one_step = np.sqrt(near.reshape(-1)[self.place])
+        near = neighbourhood_mean(spread, self.inside, own=False).reshape(-1)[self.place]
+        told = np.mean(near / taken)  # of pixels whose neighbours are as noisy as themselves, all
+        near = near * max(np.mean(ratio) / told, 1.0) if told > 0.0 else np.full_like(near, 1.0)
+        one_step = np.sqrt(near)
         wanted = one_step * (np.mean(one_step) / error**2)
         most = np.minimum(np.ceil(GROWTH * taken), MAX_SAMPLES // STREAMS)
         wanted = np.clip(np.ceil(wanted), taken, most)
