@@ -9,11 +9,11 @@ unoccluded irradiance E₀ is known in closed form it serves as a control variat
     Ê = c E₀ + f (V - c),
 
 with c = Σ f V / Σ f over the samples of the *other* streams of the same pixel, so far: the share of
-the light that they see. c does not depend on f or V, so Ê is unbiased; it is exact without noise where the light is
-all visible (c = V = 1) or all hidden (c = V = 0), and in between only what visibility leaves open
-is noisy. c gathers over the streams' whole history: samples of one index in two streams follow the
-same pattern of digits, and the mean of c (E₀ - f) over equal indices would not fall with their
-number.
+the light that they see. c does not depend on f or V, so Ê is unbiased; it is exact without noise
+where the light is all visible (c = V = 1) or all hidden (c = V = 0), and in between only what
+visibility leaves open is noisy. c gathers over the streams' whole history: samples of one index in
+two streams follow the same pattern of digits, and the mean of c (E₀ - f) over equal indices would
+not fall with their number.
 """
 
 from __future__ import annotations
@@ -112,24 +112,28 @@ class Sightings:
         self._sums = np.zeros((emitters, places * streams, 2), dtype=np.float32)  # f, f V
         self._streams = streams
 
-    def share(
-        self, place: Ints, stream: Ints, number: int, value: Floats, reaching: Floats
-    ) -> Floats:
-        """Add f and f V (n,), no two of one stream, and return c (n,); 1 before any is known.
+    def of(self, place: Ints, stream: Ints) -> Share:
+        """Return what counts samples, no two of one stream, and tells c; 1 before any is known.
 
-        `place` and `stream` (n,) tell where samples belong.
+        `place` and `stream` (n,) tell where they belong.
         """
-        sums, own = self._sums[number], place * self._streams + stream
-        known = sums.take(own, axis=0)
-        known[:, 0] += value
-        known[:, 1] += reaching
-        sums[own] = known
-        found = np.zeros((len(own), 2), dtype=np.float32)
-        for other in range(1, self._streams):
-            turned = (stream + other) % self._streams
-            found += sums.take(own + (turned - stream), axis=0)
-        whole, seen = found.T
-        return np.where(whole > 0.0, seen / np.where(whole > 0.0, whole, 1.0), 1.0)
+        streams, first = self._streams, place * self._streams
+        own = first + stream
+        others = [first + (stream + k) % streams for k in range(1, streams)]
+
+        def share(number: int, value: Floats, reaching: Floats) -> Floats:
+            sums = self._sums[number]
+            known = sums.take(own, axis=0)
+            known[:, 0] += value
+            known[:, 1] += reaching
+            sums[own] = known
+            found = sums.take(others[0], axis=0)
+            for other in others[1:]:
+                found += sums.take(other, axis=0)
+            whole, seen = found.T
+            return np.where(whole > 0.0, seen / np.where(whole > 0.0, whole, 1.0), 1.0)
+
+        return share
 
 
 class DirectLight:

@@ -62,21 +62,22 @@ class Film:
         """Standard error of `radiance`, (h, w, 3) [W/(m² sr)], for ±1.96 of it to cover 95 %.
 
         A few samples that all see the same thing tell too little of a pixel's own spread, so it is
-        taken for no smaller than that of its neighbourhood: of 5×5 pixels with weights that fall
-        outwards, worth 18.
+        taken for no smaller than that of its neighbours: of 3×3 pixels as they are, and of 5×5, with
+        weights that fall outwards and are worth 18, had they as many samples.
         """
-        near = neighbourhood_mean(neighbourhood_mean(self.variance, self.inside), self.inside)
-        wider = np.where(self.inside[..., None], np.maximum(self.variance, near), 0.0)
-        return STUDENT_18 * np.sqrt(wider)
+        near = neighbourhood_mean(self.variance, self.inside)
+        samples = np.maximum(self.samples, 1)[..., None]
+        one = neighbourhood_mean(self.variance * samples, self.inside)
+        wide = neighbourhood_mean(one, self.inside) / samples
+        largest = np.maximum(np.maximum(self.variance, near), wide)
+        return STUDENT_18 * np.sqrt(np.where(self.inside[..., None], largest, 0.0))
 
     @property
     def relative_standard_error(self) -> float:
         """Return sqrt(mean[σ² / (L² + 0.01·mean(L)²)]), the square root of the expected relMSE."""
         mean = np.mean(self.radiance[self.inside], axis=0)
         signal = self.radiance**2 + 0.01 * mean**2
-        ratio = np.divide(
-            self.variance, signal, out=np.zeros_like(self.variance), where=signal > 0
-        )
+        ratio = np.divide(self.variance, signal, out=np.zeros_like(self.variance), where=signal > 0)
         return float(np.sqrt(np.mean(ratio[self.inside])))
 
 

@@ -250,7 +250,7 @@ class Caster:
             rays[:, field : field + 3] = lanes.reshape(packets, _PACKET, 3).swapaxes(1, 2)
         rays[:, _DISTANCE] = _FAR
         words[:, _MASK] = _INVALID
-        words[:, _TRIANGLE_ID : _FIELDS] = _INVALID
+        words[:, _TRIANGLE_ID:_FIELDS] = _INVALID
         valid = _aligned_zeros(_PACKET).view(np.int32)
         valid[:] = -1
         cast, lane_flags = _embree().rtcIntersect16, valid.ctypes.data

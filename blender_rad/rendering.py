@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -229,11 +228,7 @@ class _Run:
             directions = rays.directions.take(batch.hits, axis=0)
             surface = self.light.geometry.surface(hits.take(batch.hits), directions)
             radiance += batch.spread(self._surfaces(batch, surface))
-            share = partial(
-                self.sightings.share,
-                rows[batch.pixel_of_hit],
-                stream.reshape(-1).take(batch.hits),
-            )
+            share = self.sightings.of(rows[batch.pixel_of_hit], stream.reshape(-1).take(batch.hits))
             radiance += batch.spread(self._reflected(batch, surface, share, uniform))
         sums = self.sums
         sums.streams[stream, rows[:, None]] += batch.by_pixel(radiance)
@@ -286,8 +281,8 @@ class _Run:
             if self.settings.per_light:
                 arriving *= brdf
                 parts = batch.by_pixel(batch.spread(arriving))
-                for half in range(2):
-                    sums.lights[half, emitter.layer, rows] += parts[:, half::2].sum(axis=1)
+                for half in range(batch.each):
+                    sums.lights[half, emitter.layer, rows] += parts[:, half]
         sums.irradiance[rows] += batch.total(batch.spread(irradiance))
         return brdf * irradiance
 

@@ -137,7 +137,9 @@ class Geometry:
             u=hits.u,
             v=hits.v,
             epsilon=RAY_OFFSET * (size + self._distance.take(hits.instance)),
-            cutoff=self._lifted.take(triangle) * self._geometry_offset.take(hits.instance),
+            cutoff=np.where(
+                self._lifted.take(triangle), self._geometry_offset.take(hits.instance), 0.0
+            ),
         )
 
     def _shading_normals(self, hits: Hits, triangle: Ints, geometric: Floats) -> Floats:

@@ -103,9 +103,7 @@ def furniture() -> None:
     kit.boxes("Stand", [(0.53, 3.98, 0, 0.57, 4.02, 1.3), (0.4, 3.85, 0, 0.7, 4.15, 0.03)], dark)
 
 
-def rectangle(
-    centre: tuple[float, float], half: tuple[float, float], z: float
-) -> list[kit.Point]:
+def rectangle(centre: tuple[float, float], half: tuple[float, float], z: float) -> list[kit.Point]:
     """Return the corners of a level rectangle that faces down."""
     (x, y), (a, b) = centre, half
     return [(x - a, y - b, z), (x - a, y + b, z), (x + a, y + b, z), (x + a, y - b, z)]

@@ -20,7 +20,9 @@ class MeterCommand(EngineCommand):
     """A verb that reads lux meters; `error` is the relative standard error to reach."""
 
     error: float = option(
-        values.number(0), "target relative standard error (default: 0.001)", default=0.001,
+        values.number(0),
+        "target relative standard error (default: 0.001)",
+        default=0.001,
         metavar="X",
     )
 

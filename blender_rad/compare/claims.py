@@ -134,10 +134,12 @@ def claims_of(pools: Pools, problem: Problem, tolerance: float) -> Claims:
         *_of_colours(problem, tolerance),
         _family(pools.tiles, 0.0, TILE_TOLERANCES * tolerance, LEVEL, TILES),
     ]
-    return Claims(*(
-        np.concatenate([getattr(family, field.name) for family in families])
-        for field in fields(Claims)
-    ))
+    return Claims(
+        *(
+            np.concatenate([getattr(family, field.name) for family in families])
+            for field in fields(Claims)
+        )
+    )
 
 
 def foretell(claims: Claims, alpha: float) -> tuple[int, dict[str, float]]:

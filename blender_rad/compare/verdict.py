@@ -222,8 +222,10 @@ def _tile_findings(pools: Pools, off: Mask) -> list[Finding]:
         return []
     relative, x, y = pools.worst(pools.tiles.value * off)
     count = len(np.unique(np.flatnonzero(off) // 3))
-    message = (f"{count} of {len(pools.where)} tiles differ; the worst, at pixel ({x}, {y}) from "
-               f"the upper left, by {100 * relative:+.2f} %")
+    message = (
+        f"{count} of {len(pools.where)} tiles differ; the worst, at pixel ({x}, {y}) from "
+        f"the upper left, by {100 * relative:+.2f} %"
+    )
     return [Finding("tiles-differ", "error", "", message, 100.0 * relative)]
 
 

@@ -55,8 +55,10 @@ def test_intervals_cover_with_noise_of_our_own_and_its_bias_is_removed(shared):
     covered, values = [], []
     for _ in range(repeats):
         halves = stack * (1.0 + relative * 2**0.5 * rng.normal(size=shape))
-        noisy, drawn = (dict(zip(layers, x, strict=True)) for x in
-                        (halves.mean(axis=0), 0.5 * (halves[0] - halves[1])))
+        noisy, drawn = (
+            dict(zip(layers, x, strict=True))
+            for x in (halves.mean(axis=0), 0.5 * (halves[0] - halves[1]))
+        )
         film = film_of(noisy, relative**2 * squares, drawn)
         known = problem(film, Witness(layers, 0.02).seeds(rng)).known
         covered.append(t_survival(np.abs(known.value - 1.0) / known.error, known.df) >= 0.025)

@@ -19,9 +19,7 @@ from tests.unit.compare_simulation import H, W, Witness, film_of, infos, layer, 
 # pictures are 2.5 times smaller each way, so their pixels are that much quieter.
 QUIET = 0.024
 ALPHA = 0.01
-MORE = pytest.mark.parametrize(
-    'repeats', [40, pytest.param(600, marks=pytest.mark.nightly)]
-)
+MORE = pytest.mark.parametrize('repeats', [40, pytest.param(600, marks=pytest.mark.nightly)])
 
 
 def verdicts(rng, film, witness, repeats, **options):
@@ -241,7 +239,8 @@ def test_later_rounds_ask_for_more_evidence():
     film, witness = film_of(layers), Witness(layers, QUIET)
     agreed = [
         sum(judge(film, s, lights=infos(layers), round_index=i).verdict == 'agree' for s in seeds)
-        for seeds in [[witness.seeds(rng) for _ in range(12)]] for i in (0, 9)
+        for seeds in [[witness.seeds(rng) for _ in range(12)]]
+        for i in (0, 9)
     ]
     assert agreed[0] > agreed[1]
 
@@ -287,11 +286,21 @@ def test_the_report_has_the_shapes_of_the_contract():
     assert set(said) == {'verdict', 'pixels', 'metrics', 'lights', 'findings'}
     assert set(said['pixels']) == {'compared', 'agree', 'differ', 'undecided', 'excluded'}
     assert set(said['lights'][0]) == {
-        'name', 'type', 'count', 'group', 'energy_fraction', 'scale_in_witness', 'standard_error',
-        'verdict', 'diagnosis',
+        'name',
+        'type',
+        'count',
+        'group',
+        'energy_fraction',
+        'scale_in_witness',
+        'standard_error',
+        'verdict',
+        'diagnosis',
     }
     assert set(said['metrics']) == {
-        'energy_ratio', 'mean_signed_relative_error', 'p95_absolute_relative_error', 'relmse',
+        'energy_ratio',
+        'mean_signed_relative_error',
+        'p95_absolute_relative_error',
+        'relmse',
     }
 
 
