@@ -62,7 +62,7 @@ class Film:
         """Standard error of `radiance`, (h, w, 3) [W/(m² sr)], for ±1.96 of it to cover 95 %.
 
         A few samples that all see the same thing tell too little of a pixel's own spread, so it is
-        taken for no smaller than that of its neighbours: of 3×3 pixels as they are, and of 5×5, with
+        taken for no smaller than its neighbours': of 3×3 pixels as they are, and of 5×5, with
         weights that fall outwards and are worth 18, had they as many samples.
         """
         near = neighbourhood_mean(self.variance, self.inside)
