@@ -162,7 +162,7 @@ class _Run:
         """Return how many more steps each pixel should have (n,), and the share of work done."""
         mean, variance = self.sums.radiance()
         signal = mean**2 + 0.01 * np.mean(mean, axis=0) ** 2
-        ratio = np.divide(variance, signal, out=np.zeros_like(variance), where=signal > 0)
+        ratio = variance / np.maximum(signal, np.finfo(float).tiny)
         if np.mean(ratio) <= error**2:
             return np.zeros(len(mean), dtype=np.int64), 1.0
         taken = self.sums.taken // STREAMS
@@ -373,8 +373,10 @@ class _Run:
     def _framed(self, values: NDArray[T]) -> NDArray[T]:
         """Return `values` (n, ...) in the whole frame (h, w, ...), 0 outside the border."""
         width, height = self.scene.resolution
-        frame = np.zeros((height * width, *values.shape[1:]), dtype=values.dtype)
-        frame[self.place] = values
+        frame = values
+        if len(values) < height * width:
+            frame = np.zeros((height * width, *values.shape[1:]), dtype=values.dtype)
+            frame[self.place] = values
         return frame.reshape(height, width, *values.shape[1:])
 
 
