@@ -90,11 +90,19 @@ class Arrival(NamedTuple):
     emitter : the light; its `rgb` times `irradiance` is in W/m².
     irradiance : (n,) estimates.
     exclusions : points for which they can't be trusted.
+    tint : (n, 3) factor on the light's `rgb`; None for 1.
     """
 
     emitter: Emitter
     irradiance: Floats
     exclusions: list[Exclusion]
+    tint: Floats | None = None
+
+    @property
+    def rgb(self) -> Floats:
+        """What arrives, (n, 3) [W/m²]."""
+        arriving = self.irradiance[:, None] * self.emitter.light.rgb
+        return arriving if self.tint is None else arriving * self.tint
 
 
 Share = Callable[[int, Floats, Floats], Floats]  # emitter's number, f (n,), f V (n,) -> c (n,)
@@ -183,7 +191,7 @@ class DirectLight:
                 known = np.isfinite(exact)
                 control = share(number, value, irradiance)
                 irradiance += np.where(known, control * (np.where(known, exact, 0.0) - value), 0.0)
-            yield Arrival(emitter, irradiance, exclusions)
+            yield Arrival(emitter, irradiance, exclusions, sample.tint)
 
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
         """Return the unoccluded irradiance (n,), nan where no closed form holds."""

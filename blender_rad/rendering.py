@@ -276,7 +276,7 @@ class _Run:
                 self._exclude(batch, batch.hits[exclusion.rows], exclusion.cause)
             if emitter.layer < 0:
                 continue
-            arriving = arrival.irradiance[:, None] * emitter.light.rgb
+            arriving = arrival.rgb
             irradiance += arriving
             if self.settings.per_light:
                 arriving *= brdf
@@ -309,7 +309,7 @@ class _Run:
             if light.visible_camera:
                 at, shown = light.intersect(rays.origins, rays.directions)
                 in_view = np.where(np.isinf(at), ~met, at < before)
-                own = np.where(in_view, shown, 0.0)[:, None] * light.rgb
+                own = np.where(in_view[:, None], shown.reshape(len(shown), -1), 0.0) * light.rgb
                 self._show(batch, own, self.layers.get(light.name, -1))
                 radiance += own
         return radiance

@@ -38,12 +38,14 @@ class LightSample(NamedTuple):
         irradiance is ``rgb * weight * max(cos θ, 0)``. For delta lights it is the irradiance on a
         facing surface. 0 where the light sends nothing.
     pdf : (n,) density per solid angle [1/sr] of `wi`; ``inf`` for delta lights.
+    tint : (n, 3) factor on `Light.rgb` by sample, of textured lights; None for 1.
     """
 
     wi: Array
     distance: Array
     weight: Array
     pdf: Array
+    tint: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -126,8 +128,9 @@ class Light(ABC):
         return None
 
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:
-        """Return distance (n,) [bu] (inf where missed) and radiance over `rgb` (n,) along rays.
+        """Return distance (n,) [bu] (inf where missed) and radiance over `rgb` along rays.
 
+        The radiance is (n,), or (n, 3) of textured lights.
         For suns and the world the distance is inf and the radiance alone tells.
         """
         n = len(origins)
