@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's face: properties, panels, operators. No physics; heavy libraries load when used."""
 
-from . import preferences
+from . import engine, preferences, settings
 
-MODULES = (preferences,)
+MODULES = (preferences, settings, engine)
 
 
 def register() -> None:

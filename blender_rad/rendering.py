@@ -29,17 +29,20 @@ from .film import Film, neighbourhood_mean
 from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Scene, Unsupported
-from .surfaces import Surface
+from .surfaces import Surface, dot
+from .transparency import shaded_layers
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Progress = Callable[[float], None]
+Arrived = Callable[[Callable[[], Film]], None]  # given what develops the film so far
 T = TypeVar("T", bound=np.generic)
 
 STREAMS = 2  # the fewest that tell of a spread: points spread the more evenly, the longer a stream
 BATCH = 16384  # camera samples worked off at a time, so that arrays stay near the processor
 MAX_SAMPLES = MAX_POINTS
+ANOTHER_SEED = 0x10001  # between surfaces behind each other
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
 
 
@@ -76,6 +79,7 @@ def render(
     light: DirectLight | None = None,
     progress: Progress | None = None,
     cancel: threading.Event | None = None,
+    arrived: Arrived | None = None,
 ) -> Film:
     """Return the direct light of `scene` as its camera sees it.
 
@@ -84,6 +88,7 @@ def render(
     light : what was built for this scene before; None builds it.
     progress : called with the share of the work done, 0 to 1, as far as it can be foreseen.
     cancel : set from elsewhere to stop.
+    arrived : called after each round of samples, in the caller's thread.
 
     Raises
     ------
@@ -99,7 +104,9 @@ def render(
         asked = f"{settings.samples} samples a pixel"
         raise RadError(asked, scene.file, f"expected at most {MAX_SAMPLES}")
     light = light or DirectLight(scene)
-    return _Run(scene, scene.camera, settings, light, progress=progress, cancel=cancel).film()
+    run = _Run(scene, scene.camera, settings, light, progress=progress, cancel=cancel)
+    run.arrived = arrived or run.arrived
+    return run.film()
 
 
 class _Run:
@@ -121,12 +128,14 @@ class _Run:
         self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
         self.inside = _inside(scene)
         self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
+        self.shaded = shaded_layers(scene)
         self.layers = {name: index for index, name in enumerate(light.names)}
         self.layer_of = np.array([self.layers.get(i.name, -1) for i in scene.instances], dtype=int)
         layers = len(self.light.names) if settings.per_light else 0
         self.sums = Pixels(layers, len(self.place), STREAMS)
         self.sightings = Sightings(len(light.emitters), len(self.place), STREAMS)
         self.progress = progress or (lambda share: None)
+        self.arrived: Arrived = lambda _: None
         self.cancel = cancel or threading.Event()
         limit = settings.time_limit
         self.deadline = np.inf if limit is None else time.monotonic() + limit
@@ -200,6 +209,7 @@ class _Run:
             self.cancel.set()
             wait(jobs, return_when=FIRST_EXCEPTION)
             raise
+        self.arrived(self._developed)
 
     def _batch(self, rows: Ints, count: int, times: Ints) -> None:
         for step in range(int(times.max())):
@@ -214,33 +224,77 @@ class _Run:
 
     def _trace(self, rows: Ints, count: int) -> None:
         """Take the next `count` samples, up to `STREAMS`, of the pixels `rows` (p,)."""
+        sums = self.sums
+        stream = (sums.taken[rows, None] + np.arange(count)) % STREAMS
+        seen = self._look(rows, count)
+        sums.streams[stream, rows[:, None]] += seen.reshape(len(rows), count, 3)
+        sums.taken[rows] += count
+
+    def _look(
+        self,
+        rows: Ints,
+        count: int,
+        rays: CameraRays | None = None,
+        weight: Floats | None = None,
+        passed: int = 0,
+    ) -> Floats:
+        """Return what the next samples see (samples, 3), in view or along `rays`.
+
+        The rays have `passed` transparent surfaces, which let `weight` (samples, 3) of it pass.
+        """
         pixel = np.repeat(self.place[rows], count)
         number = self.sums.taken[rows, None] + np.arange(count)
-        index, stream = np.divmod(number, STREAMS)
-        uniform = Points(pixel, stream.reshape(-1), index.reshape(-1), self.settings.seed)
-        where = self._positions(pixel, uniform.pair(0))
-        rays = camera_rays(self.camera, self.scene.resolution, where)
+        index, stream = (part.reshape(-1) for part in np.divmod(number, STREAMS))
+        uniform = Points(pixel, stream, index, self.settings.seed + passed * ANOTHER_SEED)
+        if rays is None:
+            where = self._positions(pixel, uniform.pair(0))
+            rays = camera_rays(self.camera, self.scene.resolution, where)
         hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
         met = (hits.instance >= 0) & (hits.distance <= rays.reach)
-        batch = Batch(rows, count, np.flatnonzero(met))
+        batch = Batch(rows, count, np.flatnonzero(met), weight)
         radiance = self._background(batch, rays, met, hits.distance)
         if len(batch.hits):
             directions = rays.directions.take(batch.hits, axis=0)
             surface = self.light.geometry.surface(hits.take(batch.hits), directions)
             radiance += batch.spread(self._surfaces(batch, surface))
-            share = self.sightings.of(rows[batch.pixel_of_hit], stream.reshape(-1).take(batch.hits))
-            radiance += batch.spread(self._reflected(batch, surface, share, uniform))
-        sums = self.sums
-        sums.streams[stream, rows[:, None]] += batch.by_pixel(radiance)
-        sums.taken[rows] += count
+            if passed < self.shaded:
+                share = self.sightings.of(rows[batch.pixel_of_hit], stream.take(batch.hits))
+                radiance += batch.spread(self._reflected(batch, surface, share, uniform, passed))
+                if self.light.transmission.seen_through:
+                    self._look_through(batch, surface, rays, passed, radiance)
+        return radiance
+
+    def _look_through(
+        self, batch: Batch, surface: Surface, rays: CameraRays, passed: int, radiance: Floats
+    ) -> None:
+        """Add what is seen behind the surfaces to `radiance` (samples, 3).
+
+        Pixels are looked through whole: those of their samples that nothing passes look again at
+        what they have seen, with no weight.
+        """
+        share = batch.spread(self.light.transmission.of_camera_rays(surface))
+        passing = share.any(axis=1)
+        pixels = np.flatnonzero(batch.by_pixel(passing).any(axis=1))
+        if not len(pixels):
+            return
+        beyond = surface.point - surface.geometric_normal * surface.epsilon[:, None]
+        origins = np.where(passing[:, None], batch.spread(beyond), rays.origins)
+        reach = rays.reach - dot(origins - rays.origins, rays.directions)
+        samples = (pixels[:, None] * batch.each + np.arange(batch.each)).reshape(-1)
+        further = CameraRays(*(part.take(samples, axis=0) for part in (origins, rays[1], reach)))
+        share = share.take(samples, axis=0)
+        weight = share if batch.weight is None else share * batch.weight.take(samples, axis=0)
+        behind = self._look(batch.rows[pixels], batch.each, further, weight, passed + 1)
+        radiance[samples] += share * behind
 
     def _surfaces(self, batch: Batch, surface: Surface) -> Floats:
         """Return the emission (k, 3) that is seen; note normals, depth and what is excluded."""
         sums, rows = self.sums, batch.rows
-        sums.normal[rows] += batch.total(batch.spread(surface.normal))
-        depth = np.full(batch.count, np.inf)
-        depth[batch.hits] = view_depth(self.camera, surface.point)
-        sums.depth[rows] = np.minimum(sums.depth[rows], batch.by_pixel(depth).min(axis=1))
+        if batch.weight is None:
+            sums.normal[rows] += batch.total(batch.spread(surface.normal))
+            depth = np.full(batch.count, np.inf)
+            depth[batch.hits] = view_depth(self.camera, surface.point)
+            sums.depth[rows] = np.minimum(sums.depth[rows], batch.by_pixel(depth).min(axis=1))
         for material in np.flatnonzero(np.bincount(surface.material)):
             for cause in self.unsupported[material]:
                 self._exclude(batch, batch.hits[surface.material == material], cause)
@@ -254,12 +308,14 @@ class _Run:
 
     def _show(self, batch: Batch, radiance: Floats, layer: int) -> None:
         """Note emission (samples, 3) that the camera sees, of the light with that layer or -1."""
-        total = batch.total(radiance)
+        total = batch.total(batch.weighed(radiance))
         self.sums.seen[batch.rows] += total
         if layer >= 0 and self.settings.per_light:
             self.sums.shown[layer, batch.rows] += total
 
-    def _reflected(self, batch: Batch, surface: Surface, share: Share, uniform: Points) -> Floats:
+    def _reflected(
+        self, batch: Batch, surface: Surface, share: Share, uniform: Points, passed: int
+    ) -> Floats:
         """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
         sums, rows = self.sums, batch.rows
         brdf = (self.albedo / np.pi).take(surface.material, axis=0)
@@ -270,7 +326,7 @@ class _Run:
             return pairs if everything else pairs.take(batch.hits, axis=0)
 
         irradiance = np.zeros_like(brdf)
-        for arrival in self.light.arrivals(surface, share, random):
+        for arrival in self.light.arrivals(surface, share, random, passed):
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:
                 self._exclude(batch, batch.hits[exclusion.rows], exclusion.cause)
@@ -280,10 +336,11 @@ class _Run:
             irradiance += arriving
             if self.settings.per_light:
                 arriving *= brdf
-                parts = batch.by_pixel(batch.spread(arriving))
+                parts = batch.by_pixel(batch.weighed(batch.spread(arriving)))
                 for half in range(batch.each):
                     sums.lights[half, emitter.layer, rows] += parts[:, half]
-        sums.irradiance[rows] += batch.total(batch.spread(irradiance))
+        if batch.weight is None:
+            sums.irradiance[rows] += batch.total(batch.spread(irradiance))
         return brdf * irradiance
 
     def _positions(self, pixel: Ints, jitter: Floats) -> Floats:
@@ -295,8 +352,12 @@ class _Run:
     def _background(self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats) -> Floats:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""
         world, transparent = self.scene.world, self.scene.film_transparent
-        alpha = met.astype(float) if transparent else np.ones(batch.count)
-        self.sums.alpha[batch.rows] += batch.total(alpha)
+        if batch.weight is None:
+            alpha = met.astype(float) if transparent else np.ones(batch.count)
+            self.sums.alpha[batch.rows] += batch.total(alpha)
+        elif transparent:
+            clear = np.where(met, 0.0, batch.weight.mean(axis=1))
+            self.sums.alpha[batch.rows] -= batch.total(clear)
         radiance = np.zeros((batch.count, 3))
         if world.visible_camera and not transparent and not met.all():
             if world.known:

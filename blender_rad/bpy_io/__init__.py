@@ -6,13 +6,15 @@ from __future__ import annotations
 import atexit
 import ctypes
 import os
+import sys
+from contextlib import nullcontext
 from typing import Any
 
 from .interrupt import interrupt_later
 from .quiet import quiet_stdout, silence_exit
 
-with interrupt_later(), quiet_stdout():  # as a Python package it greets
-    import bpy
+with interrupt_later(), nullcontext() if "bpy" in sys.modules else quiet_stdout():
+    import bpy  # as a Python package it greets
 
 
 def _leave() -> None:
