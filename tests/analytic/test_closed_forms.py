@@ -88,7 +88,7 @@ def sun(half_angle: float) -> SunLight:
     return SunLight(name="sun", rgb=3.0 * ONE, towards=towards, half_angle=half_angle)
 
 
-def quadrature(half_width: float, half_depth: float, z: float, points, normal, at=(0, 0)):
+def quadrature(half_width: float, half_depth: float, z: float, points, normal, *, at=(0, 0)):
     """E/L of a downward rectangle by the midpoint rule: ∫ cosθ cosθ' / d² dA, (points,)."""
     n = 200
     x = (np.arange(n) + 0.5) / n * 2 - 1
@@ -101,7 +101,7 @@ def quadrature(half_width: float, half_depth: float, z: float, points, normal, a
 
 
 def rectangle(half_width: float, half_depth: float, normal=(0, 0, 1), at=(0, 0)) -> float:
-    return float(quadrature(half_width, half_depth, 2.0, ORIGIN, normal, at)[0])
+    return float(quadrature(half_width, half_depth, 2.0, ORIGIN, normal, at=at)[0])
 
 
 SKY = {"world": World(radiance=(2.0, 2.0, 2.0))}
