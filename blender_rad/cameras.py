@@ -34,15 +34,15 @@ def camera_rays(camera: Camera, resolution: tuple[int, int], xy: Floats) -> Came
     x = left + xy[:, 0] / width * (right - left)
     y = bottom + xy[:, 1] / height * (top - bottom)
     near, far = camera.clip
-    local = np.stack([x, y, np.full_like(x, -1.0)], axis=-1)
+    local = np.stack([x, y, np.full_like(x, -1.0)])
     rotation, position = camera.world_from_camera[:3, :3], camera.world_from_camera[:3, 3]
     if camera.kind == "orthographic":
-        local[:, 2] = -near
-        directions = np.broadcast_to(-rotation[:, 2], local.shape)
+        local[2] = -near
+        directions = np.broadcast_to(-rotation[:, 2], (len(x), 3))
         reach = np.full(len(x), far - near)
-        return CameraRays(local @ rotation.T + position, directions, reach)
-    length = np.sqrt(np.sum(local**2, axis=1))
-    directions = (local / length[:, None]) @ rotation.T
+        return CameraRays((rotation @ local).T + position, directions, reach)
+    length = np.sqrt(x * x + y * y + 1.0)
+    directions = (rotation @ (local / length)).T
     origins = position + directions * (near * length)[:, None]
     return CameraRays(origins, directions, (far - near) * length)
 

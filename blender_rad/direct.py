@@ -28,7 +28,7 @@ from .emitters import Emitter, emitters
 from .lights import LightSample
 from .rays import Caster
 from .scene import Scene, Unsupported
-from .surfaces import Geometry, Surface, dot
+from .surfaces import Geometry, Surface, dot, pick
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -101,7 +101,7 @@ class Arrival(NamedTuple):
     @property
     def rgb(self) -> Floats:
         """What arrives, (n, 3) [W/m²]."""
-        arriving = self.irradiance[:, None] * self.emitter.light.rgb
+        arriving = (self.irradiance * self.emitter.light.rgb[:, None]).T
         return arriving if self.tint is None else arriving * self.tint
 
 
@@ -117,7 +117,7 @@ class Sightings:
     """
 
     def __init__(self, emitters: int, places: int, streams: int) -> None:
-        self._sums = np.zeros((emitters, places * streams, 2), dtype=np.float32)  # f, f V
+        self._sums = np.zeros((emitters, places * streams), dtype=np.complex64)  # f + i f V
         self._streams = streams
 
     def of(self, place: Ints, stream: Ints) -> Share:
@@ -131,15 +131,15 @@ class Sightings:
 
         def share(number: int, value: Floats, reaching: Floats) -> Floats:
             sums = self._sums[number]
-            known = sums.take(own, axis=0)
-            known[:, 0] += value
-            known[:, 1] += reaching
+            known = sums.take(own)
+            known.real += value
+            known.imag += reaching
             sums[own] = known
-            found = sums.take(others[0], axis=0)
+            found = sums.take(others[0])
             for other in others[1:]:
-                found += sums.take(other, axis=0)
-            whole, seen = found.T
-            return np.where(whole > 0.0, seen / np.where(whole > 0.0, whole, 1.0), 1.0)
+                found += sums.take(other)
+            nothing = np.ones(len(found), dtype=np.float32)
+            return np.divide(found.imag, found.real, out=nothing, where=found.real > 0.0)
 
         return share
 
@@ -220,8 +220,8 @@ class DirectLight:
         wi, distance, epsilon = sample.wi, sample.distance, surface.epsilon
         points = surface.point
         if len(lit) < len(distance):
-            wi, distance, epsilon = wi.take(lit, axis=0), distance.take(lit), epsilon.take(lit)
-            points = points.take(lit, axis=0)
+            wi, distance, epsilon = pick(wi, lit), distance.take(lit), epsilon.take(lit)
+            points = pick(points, lit)
         origins = self.geometry.shadow_origins(surface, wi, cosine, lit)
         wi, reach = _aimed(wi, distance, epsilon, origins - points)
         seen = ~self.visibility.opaque.occluded(origins, wi, reach)

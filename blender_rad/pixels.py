@@ -28,8 +28,9 @@ class Batch:
         """Return `values` (k, ...) of hits as (samples, ...), 0 elsewhere."""
         if len(self.hits) == self.count:
             return values
-        whole = np.zeros((self.count, *values.shape[1:]))
-        whole[self.hits] = values
+        whole = np.zeros((self.count, *values.shape[1:]), order="F")
+        for column, own in zip(whole.T, values.T, strict=True):
+            column[self.hits] = own
         return whole
 
     def by_pixel(self, values: Floats) -> Floats:

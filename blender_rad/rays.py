@@ -207,8 +207,8 @@ class Caster:
         if not self.count or not len(origins):
             return np.zeros(len(origins), dtype=bool)
         answer = self._scene.run(
-            np.ascontiguousarray(origins, dtype=np.float32),
-            np.ascontiguousarray(directions, dtype=np.float32),
+            origins.astype(np.float32),
+            directions.astype(np.float32),
             dists=np.minimum(distances, _FAR).astype(np.float32),
             query="OCCLUDED",
         )
@@ -220,8 +220,7 @@ class Caster:
         if not self.count or not n:
             nothing = np.full(n, -1)
             return Hits(nothing, nothing, np.zeros(n), np.zeros(n), np.full(n, np.inf))
-        origins32 = np.ascontiguousarray(origins, dtype=np.float32)
-        directions32 = np.ascontiguousarray(directions, dtype=np.float32)
+        origins32, directions32 = origins.astype(np.float32), directions.astype(np.float32)
         found = self._scene.run(origins32, directions32, output=True)
         hits = Hits(
             found["geomID"].astype(np.int64),

@@ -13,6 +13,7 @@ N. Vegdahl, "Building a Better LK Hash", 2021.
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def _reverse_bits(x: Words) -> Words:
 
 
 def _sobol_tables() -> tuple[Words, Words]:
-    """Return Sobol's first two dimensions, bit-reversed, for all indices of 16 bits."""
+    """Return Sobol's first two dimensions, bit-reversed, by bit-reversed index of 16 bits."""
     index = np.arange(MAX_POINTS, dtype=np.uint32)
     first = _reverse_bits(index)
     second = np.zeros_like(first)
@@ -43,10 +44,11 @@ def _sobol_tables() -> tuple[Words, Words]:
     for bit in range(_INDEX_BITS):
         second ^= np.where((index >> bit) & 1, np.uint32(direction), np.uint32(0))
         direction ^= direction >> 1
-    return index, _reverse_bits(second)
+    order = first >> np.uint32(32 - _INDEX_BITS)
+    return order, _reverse_bits(second).take(order)
 
 
-_FIRST_REVERSED, _SECOND_REVERSED = _sobol_tables()
+_BY_REVERSED_INDEX = _sobol_tables()
 
 
 def _owen_mix(reversed_bits: Words, seed: Words) -> Words:
@@ -88,14 +90,19 @@ class Points:
         self._key = _mixed(self._key)
         self._index = _reverse_bits(index.astype(np.uint32))
 
+    def take(self, rows: NDArray[np.int64]) -> Points:
+        """Return those of the sequences `rows` (k,) alone."""
+        chosen = copy(self)
+        chosen._key, chosen._index = self._key.take(rows), self._index.take(rows)
+        return chosen
+
     def pair(self, dimension: int) -> NDArray[np.float64]:
         """Return points (n, 2) in [0, 1) of the pair `dimension`."""
         key = _mixed(self._key + np.uint32((dimension * 0xC2B2AE3D + 1) & 0xFFFFFFFF))
-        order = _reverse_bits(_owen_mix(self._index, key))
-        order &= np.uint32(MAX_POINTS - 1)
-        result = np.empty((len(order), 2))
-        for axis, table in enumerate((_FIRST_REVERSED, _SECOND_REVERSED)):
+        place = _owen_mix(self._index, key) >> np.uint32(32 - _INDEX_BITS)
+        result = np.empty((len(place), 2), order="F")
+        for axis, table in enumerate(_BY_REVERSED_INDEX):
             own = _mixed(key + np.uint32(0x27D4EB2F * (axis + 1) & 0xFFFFFFFF))
-            result[:, axis] = _reverse_bits(_owen_mix(table.take(order), own))
-        result *= 2.0**-32
+            bits = _reverse_bits(_owen_mix(table.take(place), own))
+            np.multiply(bits, 2.0**-32, out=result[:, axis])
         return result

@@ -4,6 +4,9 @@
 The meshes of a scene are laid end to end in a `Geometry`, so that a batch of hits on any of them
 is read by plain indexing. A mesh with a single user is stored in world space, as Cycles' static BVH
 has it, a shared one in its own.
+
+Vectors (n, 3) of a batch lie in memory by column (Fortran's order), so that NumPy's loops run along
+n: several times faster than along three. Results of arithmetic keep that order; `pick` does.
 """
 
 from __future__ import annotations
@@ -57,7 +60,26 @@ class Surface:
 
 def dot(a: Floats, b: Floats) -> Floats:
     """Return the scalar products (n,) of vectors (n, 3)."""
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+    total = a[:, 0] * b[:, 0]
+    total += a[:, 1] * b[:, 1]
+    total += a[:, 2] * b[:, 2]
+    return total
+
+
+def pick(vectors: NDArray[Any], rows: Ints) -> NDArray[Any]:
+    """Return `vectors[rows]` (k, m) by column, where `vectors` (n, m) are."""
+    return vectors.T.take(rows, axis=1).T
+
+
+def weighted(weights: tuple[Floats, Floats, Floats], vectors: NDArray[Any]) -> Floats:
+    """Return Σ wⱼ vⱼ (n, 3) by column, of three weights (n,) and vectors (n, 3, 3)."""
+    total = np.empty((len(vectors), 3), order="F")
+    for axis in range(3):
+        column = total[:, axis]
+        np.multiply(weights[0], vectors[:, 0, axis], out=column)
+        column += weights[1] * vectors[:, 1, axis]
+        column += weights[2] * vectors[:, 2, axis]
+    return total
 
 
 def cross(a: Floats, b: Floats) -> Floats:
@@ -119,44 +141,47 @@ class Geometry:
         if len(moved):
             matrices = self._matrix.take(hits.instance[moved], axis=0)
             corners[moved] = _transformed(corners[moved], matrices)
-        edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        point, edge1, edge2 = (np.asfortranarray(corners[:, k]) for k in range(3))
+        edge1 -= point
+        edge2 -= point
         geometric = normalized(cross(edge1, edge2))
         if self._mirrored.any():
             geometric[self._mirrored.take(hits.instance)] *= -1.0
         normal = self._shading_normals(hits, triangle, geometric)
         side = np.where(dot(geometric, directions) > 0.0, -1.0, 1.0)[:, None]
         size = self._size.take(triangle) * self._scale.take(hits.instance)
-        slot = np.minimum(self._slots.take(triangle), self._materials.shape[1] - 1)
+        slots = self._materials.shape[1]
+        slot = np.minimum(self._slots.take(triangle), slots - 1)
         return Surface(
-            point=corners[:, 0] + hits.u[:, None] * edge1 + hits.v[:, None] * edge2,
+            point=point + hits.u[:, None] * edge1 + hits.v[:, None] * edge2,
             geometric_normal=geometric * side,
             normal=normal * side,
-            material=self._materials[hits.instance, slot],
+            material=self._materials.take(hits.instance * slots + slot),
             instance=hits.instance,
             triangle=triangle,
             u=hits.u,
             v=hits.v,
             epsilon=RAY_OFFSET * (size + self._distance.take(hits.instance)),
-            cutoff=np.where(
-                self._lifted.take(triangle), self._geometry_offset.take(hits.instance), 0.0
-            ),
+            cutoff=self._lifted.take(triangle) * self._geometry_offset.take(hits.instance),
         )
 
     def _shading_normals(self, hits: Hits, triangle: Ints, geometric: Floats) -> Floats:
         shaded = np.flatnonzero(self._shaded.take(triangle))
         if not len(shaded):
             return geometric
-        weights = _barycentric(hits.u.take(shaded), hits.v.take(shaded))
         rows = self._normal_row.take(triangle.take(shaded))
-        smooth = normalized(np.einsum("nk,nkd->nd", weights, self._normals.take(rows, axis=0)))
+        weights = _barycentric(hits.u.take(shaded), hits.v.take(shaded))
+        smooth = normalized(weighted(weights, self._normals.take(rows, axis=0)))
         instance = hits.instance.take(shaded)
         moved = np.flatnonzero(~self._in_world.take(instance))
         if len(moved):
             matrices = self._normal_matrix.take(instance[moved], axis=0)
             smooth[moved] = normalized(np.einsum("nij,nj->ni", matrices, smooth[moved]))
         valid = dot(smooth, smooth) > 0.5
-        normal = geometric.copy()
-        normal[shaded] = np.where(valid[:, None], smooth, normal.take(shaded, axis=0))
+        if len(shaded) == len(triangle) and valid.all():
+            return smooth
+        normal = geometric.copy(order="K")
+        normal[shaded[valid]] = smooth[valid]
         return normal
 
     def shadow_origins(self, surface: Surface, wi: Floats, cosine: Floats, rows: Ints) -> Floats:
@@ -176,13 +201,14 @@ class Geometry:
         point, geometric = surface.point, surface.geometric_normal
         epsilon, cutoff = surface.epsilon, surface.cutoff
         if len(rows) < len(point):
-            point, geometric = point.take(rows, axis=0), geometric.take(rows, axis=0)
+            point, geometric = pick(point, rows), pick(geometric, rows)
             epsilon, cutoff, cosine = epsilon.take(rows), cutoff.take(rows), cosine.take(rows)
         towards = dot(geometric, wi)
         lifted, amount, flip = _lifted(cosine, towards, cutoff)
         side = np.where(towards < 0.0, -epsilon, epsilon)
         side[lifted] = flip * epsilon.take(lifted)
-        origins = point + geometric * side[:, None]
+        origins = geometric * side[:, None]
+        origins += point
         if len(lifted):
             lift = self._terminator_lift(surface, rows.take(lifted), flip)
             origins[lifted] += lift * amount[:, None]
@@ -196,24 +222,25 @@ class Geometry:
         is done in the space that the mesh is stored in; the height is along the stored normal.
         """
         triangle, instance = surface.triangle[rows], surface.instance[rows]
-        p = self._vertices[self._corners[triangle]]
-        n = self._normals[self._normal_row[triangle]].astype(np.float64)
+        places = self._vertices.take(self._corners.take(triangle, axis=0), axis=0)
+        normals = self._normals.take(self._normal_row.take(triangle), axis=0)
         weights = _barycentric(surface.u[rows], surface.v[rows])
-        u, v, _ = weights.T
-        point = np.einsum("nk,nkd->nd", weights, p)
-        axis = np.einsum("nk,nkd->nd", weights, n)
+        u, v, _ = weights
+        point, axis = weighted(weights, places), weighted(weights, normals)
+        p = [np.asfortranarray(places[:, k]) for k in range(3)]
+        n = [np.asfortranarray(normals[:, k], dtype=np.float64) for k in range(3)]
         moved = np.flatnonzero(~self._in_world[instance])
         matrices = self._matrix[instance[moved], :, :3]
         axis[moved] = np.einsum("nij,nj->ni", matrices, axis[moved])
-        a = dot(n[:, 2] - n[:, 0], p[:, 0] - p[:, 2])
-        b = dot(n[:, 2] - n[:, 1], p[:, 1] - p[:, 2])
-        c = dot(n[:, 1] - n[:, 0], p[:, 1] - p[:, 0])
+        a = dot(n[2] - n[0], p[0] - p[2])
+        b = dot(n[2] - n[1], p[1] - p[2])
+        c = dot(n[1] - n[0], p[1] - p[0])
         quadratic = a * u * (u - 1.0) + (a + b + c) * u * v + b * v * (v - 1.0)
-        outward = np.where(dot(axis, surface.geometric_normal[rows]) * flip > 0.0, 1.0, -1.0)
+        outward = np.where(dot(axis, pick(surface.geometric_normal, rows)) * flip > 0.0, 1.0, -1.0)
         envelope = np.full(len(rows), np.inf)
         for k in range(3):
-            corner, tilt = p[:, k], n[:, k] * outward[:, None]
-            rise = [dot(p[:, j] - corner, tilt) for j in range(3) if j != k]
+            corner, tilt = p[k], n[k] * outward[:, None]
+            rise = [dot(p[j] - corner, tilt) for j in range(3) if j != k]
             highest = np.maximum(np.maximum(*rise), 0.0)
             envelope = np.minimum(envelope, np.maximum(dot(corner - point, tilt) + highest, 0.0))
         height = outward * np.maximum(envelope, 0.5 * outward * quadratic)
@@ -234,8 +261,8 @@ def _lifted(facing: Floats, towards: Floats, cutoff: Floats) -> tuple[Ints, Floa
     return near[some], np.minimum(amount[some], 1.0), flip[near[some]]
 
 
-def _barycentric(u: Floats, v: Floats) -> Floats:
-    return np.stack([1.0 - u - v, u, v], axis=-1)
+def _barycentric(u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+    return 1.0 - u - v, u, v
 
 
 def _transformed(points: Floats, matrices: Floats) -> Floats:

@@ -2,7 +2,8 @@
 """Irradiance of uniform shapes and sampling of directions, shared by the lights.
 
 All irradiances are for unit radiance, unoccluded, with what lies below the horizon of the receiver
-clipped away: E = ∫ max(n·ω, 0) dω over the shape. Arrays of points are (n, 3).
+clipped away: E = ∫ max(n·ω, 0) dω over the shape. Arrays of points are (n, 3), those made here by
+column (Fortran's order), along which NumPy's loops are several times faster than along three.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ NEWTON_STEP = 1e-12  # relative; Newton squares it, so that the error left is ro
 def dot(a: Array, b: Array) -> Array:
     """Return the scalar products of rows, (n,); either side may be a single (3,) vector."""
     x, y, z = b.T
-    return a[:, 0] * x + a[:, 1] * y + a[:, 2] * z
+    total = a[:, 0] * x
+    total += a[:, 1] * y
+    total += a[:, 2] * z
+    return total
 
 
 def lattice(n: int) -> Array:
@@ -50,15 +54,26 @@ def around(axis: Array, cos: Array, sin: Array, turn: Array) -> Array:
     rotation that takes (0, 0, s) to the axis, which has no singular direction.
     """
     x, y, z = axis[:, 0], axis[:, 1], axis[:, 2]
-    sign = np.copysign(1.0, z)
-    phi = 2.0 * np.pi * turn
-    a, b = sin * np.cos(phi), sin * np.sin(phi)
-    lean = (a * x + b * y) / (1.0 + np.abs(z))
-    result = np.empty_like(axis)
-    result[:, 0] = a + x * (cos - lean)
-    result[:, 1] = b + y * (cos - lean)
-    result[:, 2] = cos * z - sign * (a * x + b * y)
+    b, a = sin_cos(2.0 * np.pi * turn)
+    a *= sin
+    b *= sin
+    across = a * x + b * y
+    rest = cos - across / (1.0 + np.abs(z))
+    result = np.empty((len(axis), 3), order="F")
+    np.add(a, x * rest, out=result[:, 0])
+    np.add(b, y * rest, out=result[:, 1])
+    np.subtract(cos * z, np.copysign(1.0, z) * across, out=result[:, 2])
     return result
+
+
+def sin_cos(angle: Array) -> tuple[Array, Array]:
+    """Return sin and cos (n,) as 2t/(1 + t²) and 2/(1 + t²) - 1, t the tangent of half the angle.
+
+    NumPy's tangent alone is vectorised: one costs a quarter of a sine and a cosine.
+    """
+    tan = np.tan(0.5 * angle)
+    share = 2.0 / (1.0 + tan * tan)
+    return tan * share, share - 1.0
 
 
 def sample_cone(axis: Array, cone: Array, u: Array) -> Array:
@@ -119,7 +134,7 @@ def polygon_irradiance(vertices: Array, points: Array, normals: Array) -> Array:
     place, normal = np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T)
     corners = [vertex[:, None] - place for vertex in vertices]
     edges = [(vertices[(i + 1) % k] - vertices[i])[:, None] for i in range(k)]
-    heights = [np.einsum("ij,ij->j", normal, corner) for corner in corners]
+    heights = [dot(normal.T, corner.T) for corner in corners]
     total = np.zeros(len(points))
     for i in range(k):
         total += _edge(corners[i], edges[i], corners[(i + 1) % k], normal)
@@ -128,7 +143,10 @@ def polygon_irradiance(vertices: Array, points: Array, normals: Array) -> Array:
     cut = np.flatnonzero((np.minimum.reduce(heights) < 0.0) & (highest > 0.0))
     if cut.size:
         total[cut] = _cut_polygon(
-            edges, [c[:, cut] for c in corners], [h[cut] for h in heights], normal[:, cut]
+            edges,
+            [corner.take(cut, axis=1) for corner in corners],
+            [height.take(cut) for height in heights],
+            normal.take(cut, axis=1),
         )
     return 0.5 * total
 
@@ -200,7 +218,7 @@ def ellipse_irradiance(half: tuple[float, float], offset: Array, normals: Array)
             mu = np.maximum(mu + step, TINY)
             if np.all(np.abs(step) <= NEWTON_STEP * mu):
                 break
-    w = offset / np.stack([a2 + mu, b2 + mu, mu], axis=1)
+    w = offset / np.stack([a2 + mu, b2 + mu, mu]).T
     norm = mu * np.sqrt((a2 + mu) * (b2 + mu)) * np.maximum(dot(w, w), TINY)
     result = np.pi * np.sqrt(a2 * b2 * z2) * dot(w, normals) / np.maximum(norm, TINY)
     height = dot(offset, normals)
@@ -240,7 +258,8 @@ def sample_rectangle(
     angles: list[Array] = [np.arcsin(sides[i] * sides[(i + 1) % 4]) for i in range(4)]
     solid_angle: Array = angles[0] + angles[1] + angles[2] + angles[3]
     turn = u[:, 0] * solid_angle - angles[2] - angles[3]
-    sin, rise = np.sin(turn), np.cos(turn) * sides[0] + sides[2]
+    sin, cos = sin_cos(turn)
+    rise = cos * sides[0] + sides[2]
     cos2 = sin * sin / np.maximum(rise * rise + (sides[0] * sin) ** 2, TINY)
     x: Array = np.copysign(np.sqrt(cos2 * z2 / np.maximum(1.0 - cos2, TINY)), sin * rise)
     x = np.minimum(np.maximum(x, x0), x1)

@@ -155,7 +155,8 @@ class AreaLight(Light):
         position, solid_angle = self._sample_seen(offset, height, u)
         seen = np.isfinite(solid_angle)
         rest = np.flatnonzero(~seen)
-        position[rest] = offset[rest] + self._sample_area(u[rest])
+        if len(rest):
+            position[rest] = offset[rest] + self._sample_area(u[rest])
         squared = np.maximum(geometry.dot(position, position), geometry.TINY)
         distance = np.sqrt(squared)
         wi = position / distance[:, None]
@@ -182,7 +183,7 @@ class AreaLight(Light):
             s, t = radius * np.cos(turn), radius * np.sin(turn)
         else:
             s, t = u[:, 0] - 0.5, u[:, 1] - 0.5
-        return s[:, None] * self.axis_u + t[:, None] * self.axis_v
+        return (s * self.axis_u[:, None] + t * self.axis_v[:, None]).T
 
     def _sample_seen(self, offset: Array, height: Array, u: Array) -> tuple[Array, Array]:
         """Return positions (n, 3) seen from the points, uniform in solid angle, and this (n,).
@@ -213,7 +214,7 @@ class AreaLight(Light):
         if self.ellipse:
             by_area |= (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]) >= self.area
         angle[by_area] = np.nan
-        return s[:, None] * x + t[:, None] * y + depth[:, None] * z, angle
+        return (s * x[:, None] + t * y[:, None] + depth * z[:, None]).T, angle
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         if self.is_delta:

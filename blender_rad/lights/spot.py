@@ -84,7 +84,7 @@ class SpotLight(PointLight):
         return t * t * (3.0 - 2.0 * t)
 
     def _falloff(self, directions: Array, inside: Mask) -> Array:
-        local = directions @ self.light_from_world.T
+        local = (self.light_from_world @ directions.T).T
         length = np.sqrt(np.maximum(geometry.dot(local, local), geometry.TINY))
         ramp = np.where(inside, 1.0, self._ramp(local[:, 2] / length))
         return ramp * super()._falloff(directions, inside)
