@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .emitters import emitters
 from .errors import Finding, RadError
 from .lights import Light, LightRecord, Model, light_from_record
-from .lights._emission import RANGE_K
+from .lights._emission import RANGE_K, stated_emission
 from .lights.area import AreaLight
 from .lights.mesh import MeshLight
 from .lights.point import PointLight
@@ -46,6 +46,14 @@ WORDS = {
 }
 
 
+class Note(NamedTuple):
+    """Why a light is not what its number says, and by how much of what that would give."""
+
+    code: str
+    message: str
+    effect_percent: float | None = None
+
+
 @dataclass(frozen=True)
 class _Source:
     """One piece of a row: its light in both models; None emits nothing, a string is not known."""
@@ -75,6 +83,16 @@ def inspect_lights(scene: Scene, efficacy: float) -> tuple[list[dict[str, Any]],
     if not any(row["luminous_flux_lm"] or row["illuminance_lx"] for row in rows):
         findings.append(Finding("nothing-emits", "warning", "", "no light that is known to emit"))
     return rows, findings
+
+
+def light_notes(scene: Scene) -> Iterator[tuple[str, Note]]:
+    """Yield each light's name with what is to be known of it; for one of many instances."""
+    sources = {source.name: source for source in reversed(list(_sources(scene)))}
+    for name, source in reversed(sources.items()):
+        for found in _unit_scale(scene, source):
+            yield name, Note(found.code, found.message, found.effect_percent)
+        for note in _notes(source, np.array(scene.luminance_weights), scene.unit_scale_m):
+            yield name, note
 
 
 def _sources(scene: Scene) -> Iterator[_Source]:
@@ -152,7 +170,7 @@ def _row(
     notes = [f.message for f in findings if f.object and f.object in names]
     known = {u.feature for u in scene.unsupported if u.kind == "light" and u.name == first.name}
     notes += [text for feature, text in WORDS.items() if feature in known]
-    notes += _notes(first, weights, scene.unit_scale_m)
+    notes += [note.message for note in _notes(first, weights, scene.unit_scale_m)]
     fluxes = pieces[:, 0].mean(axis=1)
     if len(sources) == count and np.ptp(fluxes) > SAME * np.abs(fluxes).max():
         low, high = fluxes.min(), fluxes.max()
@@ -203,29 +221,35 @@ def _unit_scale(scene: Scene, source: _Source) -> Iterator[Finding]:
         )
 
 
-def _notes(source: _Source, weights: Array, metre: float) -> Iterator[str]:
+def _notes(source: _Source, weights: Array, metre: float) -> Iterator[Note]:
     """Yield why a light is not what its number says."""
     light, record = source.light, source.record
     if isinstance(light, str):
-        yield f"what it emits is not known: {light}"
+        yield Note("light-unknown", f"what it emits is not known: {light}")
     elif light is None:
-        yield f"emits nothing: {_why_dark(record) if record else 'it has no area'}"
+        why = _why_dark(record) if record else "it has no area"
+        yield Note("light-dark", f"emits nothing: {why}", 0.0)
     elif isinstance(light, MeshLight):
         share = _ratio(light.leaving_flux(), light.radiant_flux())
         hollow = f"closed or hollow: {100.0 * share:.3g} % of what its faces emit gets out"
-        yield hollow if share < 1.0 - SAME else "shines from both faces, half of it from each"
+        both = "shines from both faces, half of it from each"
+        effect = 100.0 * (share - 1.0) if share < 1.0 - SAME else 0.0
+        yield Note("mesh-faces", hollow if effect else both, effect)
     elif record is not None:
         yield from _of_power(light, record)
         yield from _of_colour(record, weights)
         yield from _of_shape(light, record, metre)
         if light.distribution is not None:
-            yield (
-                "its IES file's candela are W/sr over "
-                f"{EFFICACIES_LM_W['cycles-ies']} lm/W in Cycles (--efficacy cycles-ies), "
-                f"which looks at no TILT or size; over {K_M} in the physical model"
+            cycles = EFFICACIES_LM_W["cycles-ies"]
+            yield Note(
+                "ies-efficacy",
+                f"its IES file's candela are W/sr over {cycles} lm/W in Cycles "
+                "(--efficacy cycles-ies), "
+                f"which looks at no TILT or size; over {K_M} in the physical model",
+                100.0 * (K_M / cycles - 1.0),
             )
         if not light.cast_shadow:
-            yield "casts no shadow: it lights what is behind walls too"
+            yield Note("no-shadow", "casts no shadow: it lights what is behind walls too")
 
 
 def _why_dark(record: LightRecord) -> str:
@@ -240,71 +264,83 @@ def _why_dark(record: LightRecord) -> str:
     return next((text for text, holds in reasons.items() if holds), "its scale is 0")
 
 
-def _of_power(light: Light, record: LightRecord) -> Iterator[str]:
+def _of_power(light: Light, record: LightRecord) -> Iterator[Note]:
     properties = record.properties
     energy, exposure = float(properties["energy"]), float(properties.get("exposure", 0.0))
     if energy < 0.0:
-        yield "its strength is below 0: it takes light away"
+        yield Note("negative-energy", "its strength is below 0: it takes light away", -200.0)
     if exposure != 0.0:
-        yield f"exposure {exposure:.3g} makes its {figure(energy)} {figure(energy * 2**exposure)}"
+        said = f"exposure {exposure:.3g} makes its {figure(energy)} {figure(energy * 2**exposure)}"
+        yield Note("light-exposure", said, 100.0 * (2**exposure - 1.0))
     if properties.get("normalize", True) or (light.kind == "SUN" and light.is_delta):
         return
     if light.kind == "SUN":
-        yield "not normalised: its strength is its radiance, and a wider angle is more light"
+        said, power = "its strength is its radiance, and a wider angle is more light", None
     elif light.kind != "AREA" and light.is_delta:
-        yield "not normalised: without a radius, that is 4 times its power"
+        said, power = "without a radius, that is 4 times its power", 4.0
     else:
-        yield "not normalised: its strength is W a square unit, and a larger light is more light"
+        said = "its strength is W a square unit, and a larger light is more light"
+        power = _ratio(light.rgb, stated_emission(record))
+    yield Note("not-normalised", f"not normalised: {said}", power and 100.0 * (power - 1.0))
 
 
-def _of_colour(record: LightRecord, weights: Array) -> Iterator[str]:
+def _of_colour(record: LightRecord, weights: Array) -> Iterator[Note]:
     properties = record.properties
     nodes = np.array(properties.get("node_emission", 1.0))
     for name, tint in (("colour", np.array(properties["color"])), ("nodes", nodes)):
         if np.any(np.abs(tint - 1.0) > SAME):
-            yield f"{name}: {_times(weights, tint)}"
+            yield _tinted(name, weights, tint)
     if properties.get("use_temperature"):
         kelvin, tint = properties["temperature"], np.array(properties["temperature_color"])
         low, high = RANGE_K
         ends = f", as at {low if kelvin < low else high:.0f} K, where colours end"
-        yield f"{kelvin:.0f} K{ends * (not low <= kelvin <= high)}: {_times(weights, tint)}"
+        yield _tinted(f"{kelvin:.0f} K{ends * (not low <= kelvin <= high)}", weights, tint)
 
 
-def _times(weights: Array, tint: Array) -> str:
-    return f"{weights @ tint:.3g} times the lm and {tint.mean():.3g} times the W of white"
+def _tinted(name: str, weights: Array, tint: Array) -> Note:
+    luminous = float(weights @ tint)
+    said = f"{name}: {luminous:.3g} times the lm and {tint.mean():.3g} times the W of white"
+    return Note("light-colour", said, 100.0 * (luminous - 1.0))
 
 
-def _of_shape(light: Light, record: LightRecord, metre: float) -> Iterator[str]:
+def _of_shape(light: Light, record: LightRecord, metre: float) -> Iterator[Note]:
     scale = np.sqrt(np.sum(record.world_from_light[:3, :3] ** 2, axis=0))
     scaled = bool(np.any(np.abs(scale - 1.0) > SAME))
     if isinstance(light, SpotLight) and light.distribution is None:
         share = _ratio(light.radiant_flux(), light.rgb)
         angle = np.degrees(2.0 * np.arccos(light.cos_half_angle))
-        yield (
+        yield Note(
+            "spot-cone",
             f"its {angle:.3g}° cone cuts light off and gathers none: {100.0 * share:.3g} % of its "
-            "power leaves"
+            "power leaves",
+            100.0 * (share - 1.0),
         )
         if scaled and np.ptp(scale) > SAME * scale.max():
-            yield "its object's scale stretches the cone"
+            yield Note("light-scale", "its object's scale stretches the cone")
     if isinstance(light, PointLight) and light.radius > 0.0:
         radius = light.radius * metre
         if light.soft_falloff:
-            yield (
+            share = 100.0 / (1.0 + radius**2)
+            yield Note(
+                "soft-falloff",
                 f"soft falloff: a disc of radius {radius:.3g} m that faces every point, and 1 m "
-                f"away gives {100.0 / (1.0 + radius**2):.3g} % of what its power says"
+                f"away gives {share:.3g} % of what its power says",
+                share - 100.0,
             )
         if scaled:
-            yield "its object's scale does not act on its radius"
+            yield Note("light-scale", "its object's scale does not act on its radius", 0.0)
     if isinstance(light, AreaLight):
         if light.is_delta:
-            yield "no spread: a parallel beam, which has no intensity and no radiance"
+            beam = "no spread: a parallel beam, which has no intensity and no radiance"
+            yield Note("spread", beam, 0.0)
         elif light.spread < np.pi - SAME and light.distribution is None:
             gain = np.pi * _ratio(light.peak_radiant_intensity(), light.radiant_flux())
             angle = np.degrees(light.spread)
-            yield f"its {angle:.3g}° spread gathers its power: {gain:.3g} times as bright on axis"
+            axis = f"its {angle:.3g}° spread gathers its power: {gain:.3g} times as bright on axis"
+            yield Note("spread", axis, 0.0)
         if scaled:
             u, v = (np.linalg.norm(axis) * metre for axis in (light.axis_u, light.axis_v))
-            yield f"with its object's scale it is {u:.3g} × {v:.3g} m"
+            yield Note("light-scale", f"with its object's scale it is {u:.3g} × {v:.3g} m", 0.0)
 
 
 def _spectrum(kind: str, temperature: float | None) -> str:

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene's render settings as plain values, for what judges them without Blender."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+_PLUMBING = {
+    *(f"CompositorNode{name}" for name in ("RLayers", "Composite", "Viewer")),
+    *(f"Node{name}" for name in ("GroupInput", "GroupOutput", "Reroute", "Frame")),
+}
+
+
+def render_settings(bl_scene: Any) -> dict[str, Any]:
+    """Return the settings of `bl_scene` by their path, such as ``cycles.samples``.
+
+    Beside Blender's own: ``compositor``, the labels of nodes that may change the picture;
+    ``sequencer``, whether it has strips; ``material_override`` of the layer that renders.
+    """
+    blocks = {
+        "cycles": bl_scene.cycles,
+        "render": bl_scene.render,
+        "render.image_settings": bl_scene.render.image_settings,
+        "view_settings": bl_scene.view_settings,
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        found = {
+            f"{path}.{prop.identifier}": getattr(block, prop.identifier)
+            for path, block in blocks.items()
+            for prop in block.bl_rna.properties
+            if prop.type in {"BOOLEAN", "INT", "FLOAT", "ENUM"}
+        }
+    layers = bl_scene.view_layers
+    override = next((layer for layer in layers if layer.use), layers[0]).material_override
+    editor = bl_scene.sequence_editor
+    strips = getattr(editor, "strips", None) or getattr(editor, "sequences", None)
+    return found | {
+        "compositor": _compositing(bl_scene) if bl_scene.render.use_compositing else "",
+        "sequencer": bool(bl_scene.render.use_sequencer and strips),
+        "material_override": override.name if override else "",
+    }
+
+
+def _compositing(bl_scene: Any) -> str:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        if hasattr(bl_scene, "compositing_node_group"):  # from Blender 5
+            tree = bl_scene.compositing_node_group
+        else:
+            tree = bl_scene.node_tree if bl_scene.use_nodes else None
+    nodes = (n for n in (tree.nodes if tree else ()) if not n.mute)
+    return ", ".join(sorted({n.bl_label for n in nodes if n.bl_idname not in _PLUMBING}))

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`lint`: silent about an unbiased file, and a finding for everything that biases one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.blender
+bpy = pytest.importorskip("bpy")
+
+from .promised import (  # noqa: E402
+    inside,
+    link,
+    panel,
+    point,
+    save,
+    stage,
+    world,
+)
+
+HARMLESS = {
+    "sample_clamp_indirect": 0.0,
+    "use_denoising": False,
+    "use_adaptive_sampling": False,
+    "light_sampling_threshold": 0.0,
+    "pixel_filter_type": 'BOX',
+    "blur_glossy": 0.0,
+    "max_bounces": 64,
+    "diffuse_bounces": 64,
+}
+BIASED: dict[str, Any] = {
+    "film_exposure": 2.0,
+    "sample_clamp_direct": 0.2,
+    "sample_clamp_indirect": 3.0,
+    "use_fast_gi": True,
+    "max_bounces": 3,
+    "caustics_reflective": False,
+    "time_limit": 9.0,
+}
+
+
+def quiet() -> Any:
+    scene = stage()
+    for name, value in HARMLESS.items():
+        setattr(scene.cycles, name, value)
+    image = scene.render.image_settings
+    image.file_format, image.color_depth = 'OPEN_EXR', '32'
+    point()
+    return scene
+
+
+def lint(file: Path) -> tuple[int, dict[str, dict[str, Any]]]:
+    run = inside("lint", file, "--json", "--threads", 1)
+    assert set(run.document) == {"findings", "efficacy_lm_W", "model"}
+    order = [f["severity"] for f in run.document["findings"]]
+    assert order == sorted(order, key=["error", "warning", "info"].index)
+    return run.code, {f["code"]: f for f in reversed(run.document["findings"])}
+
+
+def test_an_unbiased_file_has_nothing_but_information(tmp_path: Path) -> None:
+    quiet()
+    code, found = lint(save(tmp_path / "quiet.blend"))
+    assert code == 0
+    assert {f["severity"] for f in found.values()} == {"info"}, found
+    assert set(found) == {"view-exposure", "bounces"}
+
+
+def test_blenders_own_defaults_warn_and_are_no_errors(tmp_path: Path) -> None:
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    code, found = lint(save(tmp_path / "default.blend"))
+    assert code == 0
+    expected = {"engine", "denoising", "adaptive-sampling", "clamp-indirect", "default-world"}
+    assert expected <= {c for c, f in found.items() if f["severity"] == "warning"}, found
+    assert found["light-threshold"]["effect_percent"] == 0.0, "noise is no bias"
+
+
+def test_every_bias_is_named_with_its_effect(tmp_path: Path) -> None:
+    scene = quiet()
+    for name, value in BIASED.items():
+        setattr(scene.cycles, name, value)
+    scene.unit_settings.scale_length = 0.5
+    scene.render.use_simplify, scene.render.resolution_percentage = True, 50
+    scene.view_layers[0].material_override = bpy.data.materials["Floor"]
+    lamp = bpy.data.lights.new("Cone", 'SPOT')
+    lamp.energy, lamp.spot_size, lamp.spot_blend = -1.0, math.pi / 3, 0.0
+    link("Cone", lamp, (0, 0, 1))
+    point("Soft", (1, 0, 1), radius=0.5, soft=True)
+    parent = link("Askew", None)
+    parent.scale = (2, 1, 1)
+    fill = panel()
+    fill.parent, fill.rotation_euler.z = parent, 0.7
+    world("World", (0.05087609,) * 3)
+    driven = point("Driven").data
+    driven.energy = 0.0
+    driver = driven.driver_add("energy").driver
+    driver.type, driver.expression = 'SCRIPTED', "[5 for x in (1,)][0]"
+    code, found = lint(save(tmp_path / "biased.blend"))
+    assert code == 1
+    errors = {
+        "film-exposure": 100.0,
+        "clamp-direct": None,
+        "fast-gi": None,
+        "material-override": None,
+        "negative-energy": -200.0,
+        "unit-scale": -75.0,
+        "blocked-driver": -100.0,
+        "soft-falloff": None,
+    }
+    for name, effect in errors.items():
+        assert found[name]["severity"] == "error", (name, found)
+        assert effect is None or math.isclose(found[name]["effect_percent"], effect, rel_tol=1e-6)
+    assert -99.0 < found["clamp-direct"]["effect_percent"] < -5.0
+    assert -25.0 < found["soft-falloff"]["effect_percent"] < -5.0, "r = 0.5 one metre away: -20 %"
+    mean = (0.8 + 0.5 + 0.25) / 3
+    assert math.isclose(found["bounces"]["effect_percent"], -100 * mean**4, rel_tol=1e-4)
+    share = 100 * ((1 - math.cos(math.pi / 6)) / 2 - 1)
+    assert math.isclose(found["spot-cone"]["effect_percent"], share, rel_tol=1e-4)
+    warnings = {"clamp-indirect", "simplify", "area-sheared", "spot-cone", "default-world"}
+    assert warnings <= {c for c, f in found.items() if f["severity"] == "warning"}, found
+    assert {"caustics", "time-limit", "resolution-percentage"} <= set(found)
