@@ -29,6 +29,7 @@ from .lights import LightSample
 from .rays import Caster
 from .scene import Scene, Unsupported
 from .surfaces import Geometry, Surface, dot, pick
+from .transparency import Transmission
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,7 +46,7 @@ class Visibility:
     ----------
     camera : what camera rays hit.
     opaque : what stops shadow rays for certain.
-    unknown : what may stop them, in a way that is not known.
+    passing : what may let some of their light pass.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -54,16 +55,16 @@ class Visibility:
         solid = [k for k, i in enumerate(instances) if len(scene.meshes[i.mesh].triangles)]
         shadowing = [k for k in solid if instances[k].visible_shadow]
         opaque = [k for k in shadowing if self._stops_light(k)]
-        unknown = [k for k in shadowing if not self._stops_light(k)]
+        passing = [k for k in shadowing if not self._stops_light(k)]
         seen = [k for k in solid if instances[k].visible_camera]
         self.camera = Caster(scene.meshes, instances, seen)
         alike = seen == opaque
         self.opaque = self.camera if alike else Caster(scene.meshes, instances, opaque)
-        self.unknown = Caster(scene.meshes, instances, unknown)
+        self.passing = Caster(scene.meshes, instances, passing)
 
     def _stops_light(self, instance: int) -> bool:
-        materials = self._scene.instances[instance].materials
-        return all(self._scene.materials[m].opaque for m in materials)
+        materials = [self._scene.materials[m] for m in self._scene.instances[instance].materials]
+        return all(m.opaque and not any(m.transmittance) for m in materials)
 
     def cause(self, instance: int) -> Unsupported:
         """Return why light through the unknown `instance` cannot be followed."""
@@ -72,7 +73,7 @@ class Visibility:
             material = self._scene.materials[index]
             if not material.opaque and material.unsupported:
                 return material.unsupported[0]
-        return Unsupported("object", placed.name, "transparency")
+        return Unsupported("object", placed.name, "Transparency")
 
 
 class Exclusion(NamedTuple):
@@ -157,10 +158,11 @@ class DirectLight:
         self.scene = scene
         self.geometry = Geometry(scene)
         self.visibility = Visibility(scene)
+        self.transmission = Transmission(scene, self.geometry, self.visibility.passing)
         self.emitters, self.names = emitters(scene)
 
     def arrivals(
-        self, surface: Surface, share: Share, uniform: Callable[[int], Floats]
+        self, surface: Surface, share: Share, uniform: Callable[[int], Floats], passed: int = 0
     ) -> Iterator[Arrival]:
         """Yield the light of each emitter that reaches any of the points.
 
@@ -169,6 +171,7 @@ class DirectLight:
         surface : n points.
         share : gives c (n,), such as `Sightings.share`.
         uniform : gives points (n, 2) in [0, 1) for the emitter of a number.
+        passed : transparent surfaces in front of them.
         """
         for number, emitter in enumerate(self.emitters):
             sample = emitter.light.sample(surface.point, surface.normal, uniform(number))
@@ -179,9 +182,11 @@ class DirectLight:
             lit = np.flatnonzero(value)
             if not len(lit):
                 continue
-            seen, exclusions = self._seen(emitter, surface, sample, cosine, lit)
+            seen, through, exclusions = self._seen(
+                emitter, surface, sample, cosine, lit, passed=passed
+            )
             if emitter.cause is not None:
-                reached = Exclusion(lit[seen], emitter.cause)
+                reached = Exclusion(lit[seen > 0.0], emitter.cause)
                 yield Arrival(emitter, np.zeros(len(value)), [reached, *exclusions])
                 continue
             irradiance = np.zeros(len(value))
@@ -191,7 +196,13 @@ class DirectLight:
                 known = np.isfinite(exact)
                 control = share(number, value, irradiance)
                 irradiance += np.where(known, control * (np.where(known, exact, 0.0) - value), 0.0)
-            yield Arrival(emitter, irradiance, exclusions, sample.tint)
+            tint = sample.tint
+            if through is not None:
+                coloured = np.ones((len(value), 3))
+                missing = value[lit, None] * (through - seen[:, None])
+                coloured[lit] += _over(missing, irradiance[lit])
+                tint = coloured if tint is None else coloured * tint
+            yield Arrival(emitter, irradiance, exclusions, tint)
 
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
         """Return the unoccluded irradiance (n,), nan where no closed form holds."""
@@ -212,11 +223,21 @@ class DirectLight:
         return np.where(frequency > 1.0, ratio, 1.0)
 
     def _seen(
-        self, emitter: Emitter, surface: Surface, sample: LightSample, cosine: Floats, lit: Ints
-    ) -> tuple[Bools, list[Exclusion]]:
-        """Return for the points `lit` whether they see their light sample, and what is open."""
+        self,
+        emitter: Emitter,
+        surface: Surface,
+        sample: LightSample,
+        cosine: Floats,
+        lit: Ints,
+        *,
+        passed: int,
+    ) -> tuple[Bools | Floats, Floats | None, list[Exclusion]]:
+        """Return how much of their sample the points `lit` see (k,), by channel, and what is open.
+
+        By channel, (k, 3), it is None where all see all or nothing.
+        """
         if not emitter.light.cast_shadow:
-            return np.ones(len(lit), dtype=bool), []
+            return np.ones(len(lit), dtype=bool), None, []
         wi, distance, epsilon = sample.wi, sample.distance, surface.epsilon
         points = surface.point
         if len(lit) < len(distance):
@@ -225,21 +246,25 @@ class DirectLight:
         origins = self.geometry.shadow_origins(surface, wi, cosine, lit)
         wi, reach = _aimed(wi, distance, epsilon, origins - points)
         seen = ~self.visibility.opaque.occluded(origins, wi, reach)
-        return seen, self._open(lit, seen, origins, wi, reach)
-
-    def _open(
-        self, lit: Ints, seen: Bools, origins: Floats, directions: Floats, reach: Floats
-    ) -> list[Exclusion]:
-        """Return which of the seen rays cross something that may or may not stop them."""
-        if not self.visibility.unknown.count:
-            return []
+        if not self.visibility.passing.count:
+            return seen, None, []
         rows = np.flatnonzero(seen)
-        hits = self.visibility.unknown.intersect(origins[rows], directions[rows])
-        crossed = np.where(hits.distance < reach[rows], hits.instance, -1)
-        return [
+        share, crossed = self.transmission.along(origins[rows], wi[rows], reach[rows], passed)
+        exclusions = [
             Exclusion(lit[rows[crossed == instance]], self.visibility.cause(int(instance)))
             for instance in np.unique(crossed[crossed >= 0])
         ]
+        if (share == 1.0).all():
+            return seen, None, exclusions
+        through = np.zeros((len(lit), 3))
+        through[rows] = share
+        return through.mean(axis=1), through, exclusions
+
+
+def _over(values: Floats, divisor: Floats) -> Floats:
+    """Return `values` (n, 3) over `divisor` (n,), 0 where that is 0."""
+    whole = divisor[:, None]
+    return np.divide(values, whole, out=np.zeros_like(values), where=whole != 0.0)
 
 
 def _aimed(wi: Floats, distance: Floats, epsilon: Floats, lift: Floats) -> tuple[Floats, Floats]:

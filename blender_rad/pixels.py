@@ -17,10 +17,11 @@ class Batch:
     ----------
     rows : (p,) pixels; there are `each` samples of each.
     hits : (k,) samples that met a surface.
+    weight : (samples, 3) what surfaces in front let pass; None where there are none.
     """
 
-    def __init__(self, rows: Ints, each: int, hits: Ints) -> None:
-        self.rows, self.each, self.hits = rows, each, hits
+    def __init__(self, rows: Ints, each: int, hits: Ints, weight: Floats | None = None) -> None:
+        self.rows, self.each, self.hits, self.weight = rows, each, hits, weight
         self.count = len(rows) * each
         self.pixel_of_hit = hits // each
 
@@ -32,6 +33,10 @@ class Batch:
         for column, own in zip(whole.T, values.T, strict=True):
             column[self.hits] = own
         return whole
+
+    def weighed(self, values: Floats) -> Floats:
+        """Return what the camera sees of `values` (samples, 3)."""
+        return values if self.weight is None else values * self.weight
 
     def by_pixel(self, values: Floats) -> Floats:
         """Return `values` (samples, ...) as (pixels, each, ...)."""

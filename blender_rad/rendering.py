@@ -272,7 +272,7 @@ class _Run:
         Pixels are looked through whole: those of their samples that nothing passes look again at
         what they have seen, with no weight.
         """
-        share = batch.spread(self.light.transmission.of_camera_rays(surface))
+        share = batch.spread(self.light.transmission.at(surface))
         passing = share.any(axis=1)
         pixels = np.flatnonzero(batch.by_pixel(passing).any(axis=1))
         if not len(pixels):

@@ -39,6 +39,7 @@ class Material:
     albedo : (3,) Lambert reflectance, f_r = albedo/π [1/sr].
     emission : (3,) radiance [W/(m² sr)], from both faces.
     opaque : False where a shadow ray may pass in a way that is not known.
+    transmittance : (3,) share of the light that passes straight through.
     unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
     emission_known : False when it emits in a way that is not known: points that it may reach are
         excluded.
@@ -48,6 +49,7 @@ class Material:
     albedo: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     opaque: bool = True
+    transmittance: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission_known: bool = True
     unsupported: tuple[Unsupported, ...] = ()
 
@@ -168,6 +170,7 @@ class Scene:
         pixels are 0.
     film_transparent : alpha is 0 where the world shows.
     luminance_weights : of the working space.
+    transparent_max_bounces : surfaces that light passes straight through, as Cycles counts them.
     """
 
     file: str
@@ -189,6 +192,7 @@ class Scene:
     chromaticities: tuple[float, ...] = REC709
     luminance_weights: tuple[float, float, float] = luminance_weights(REC709)
     blender_version: tuple[int, int, int] = (0, 0, 0)
+    transparent_max_bounces: int = 8
     unknown_lights: tuple[Light, ...] = ()
     light_records: tuple[LightRecord, ...] = ()
     unsupported: tuple[Unsupported, ...] = ()

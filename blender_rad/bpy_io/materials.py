@@ -17,7 +17,8 @@ Shading = Literal["full", "clay"]
 DEFAULT_NAME = "(no material)"
 DEFAULT_ALBEDO = 0.8  # Cycles' surface for empty slots, up to Blender 4.5
 
-_ALWAYS_PASS = {"ShaderNodeBsdfTransparent", "ShaderNodeBsdfRayPortal", "ShaderNodeScript"}
+_TRANSPARENT = "ShaderNodeBsdfTransparent"
+_ALWAYS_PASS = {"ShaderNodeBsdfRayPortal", "ShaderNodeScript"}
 _GLASS = {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"}
 _PRINCIPLED = "ShaderNodeBsdfPrincipled"
 _CLOSURE_CUTOFF = 1e-5  # alphas this near to 1 count as 1 in Cycles
@@ -36,7 +37,8 @@ class Surface:
     unknown_emission : what emits in a way that is not constant; empty when nothing does.
     unknown_volume_emission : the same for the volume.
     features : closures and settings that are not Lambert.
-    passes_shadow : whether shadow rays may pass it.
+    transmittance : (3,) what passes it straight, as far as it is constant.
+    passes_shadow : whether shadow rays pass it in a way that is not known.
     transmits : whether light may pass it, in whatever way: what clay closes.
     subsurface, displaced : whether Cycles leaves the normals in object space for it.
     """
@@ -48,6 +50,7 @@ class Surface:
     unknown_emission: str = ""
     unknown_volume_emission: str = ""
     features: tuple[str, ...] = ()
+    transmittance: Triple = BLACK
     passes_shadow: bool = False
     transmits: bool = False
     subsurface: bool = False
@@ -74,6 +77,7 @@ def full(surface: Surface) -> Material:
         albedo=surface.albedo,
         emission=surface.emission,
         opaque=not surface.passes_shadow,
+        transmittance=surface.transmittance,
         emission_known=not emission,
         unsupported=tuple(Unsupported("material", surface.name, f) for f in features),
     )
@@ -126,7 +130,9 @@ def _from_output(bl_material: Any, output: Any) -> Surface:
     features = [nodes.feature(leaf) for leaf, rgb in lambert if rgb is None]
     features += ["Volume"] * bool(volume)
     features += ["Displacement" if displaced else "Bump from displacement"] * bumped
-    passes = any(map(_passes_shadow, closures))
+    passing = [_transmittance(leaf) for leaf in closures]
+    passes = any(rgb != BLACK for rgb in passing)
+    half = passes and not bl_material.use_transparent_shadow  # Cycles' BSDF sampling sees through
     return Surface(
         name=bl_material.name,
         albedo=nodes.total(rgb for _, rgb in lambert if rgb),
@@ -135,7 +141,8 @@ def _from_output(bl_material: Any, output: Any) -> Surface:
         unknown_emission=f"Emission of {unknown[0]}, not constant" if unknown else "",
         unknown_volume_emission="Volume emission" if any(map(_volume_emits, volume)) else "",
         features=tuple(features),
-        passes_shadow=(passes and bl_material.use_transparent_shadow) or bool(volume) or displaced,
+        transmittance=nodes.total(rgb for rgb in passing if rgb),
+        passes_shadow=None in passing or half or bool(volume) or displaced,
         transmits=passes or bool(volume) or any(map(_is_glass, closures)),
         subsurface=any(map(_subsurface, closures)),
         displaced=displaced,
@@ -143,7 +150,9 @@ def _from_output(bl_material: Any, output: Any) -> Surface:
 
 
 def _lambert(leaf: Leaf) -> Triple | None:
-    """Return the albedo of a plain constant Diffuse BSDF, None for any other closure."""
+    """Return the albedo of a plain constant Diffuse BSDF, None for what is not known."""
+    if leaf.node.bl_idname == _TRANSPARENT and _transmittance(leaf) is not None:
+        return BLACK
     if leaf.node.bl_idname != "ShaderNodeBsdfDiffuse" or leaf.weight is None:
         return None
     rgb = nodes.colour(leaf.node.inputs["Color"], leaf.groups)
@@ -173,13 +182,21 @@ def _emission(leaf: Leaf) -> Triple | None:
     return nodes.scaled(rgb, min(max(alpha, 0.0), 1.0))
 
 
-def _passes_shadow(leaf: Leaf) -> bool:
-    """Return whether Cycles may let shadow rays through the closure."""
-    if leaf.node.bl_idname != _PRINCIPLED:
-        return leaf.node.bl_idname in _ALWAYS_PASS
-    alpha = nodes.input_number(leaf, "Alpha", 1.0)
-    thin = nodes.input_number(leaf, "Thin Wall") != 0.0 and _is_glass(leaf)
-    return alpha is None or alpha < 1.0 - _CLOSURE_CUTOFF or thin
+def _transmittance(leaf: Leaf) -> Triple | None:
+    """Return what the closure lets pass straight, None where that is not constant."""
+    kind = leaf.node.bl_idname
+    if kind == _TRANSPARENT:
+        rgb = nodes.colour(leaf.node.inputs["Color"], leaf.groups)
+    elif kind == _PRINCIPLED:
+        alpha = nodes.input_number(leaf, "Alpha", 1.0)
+        thin = nodes.input_number(leaf, "Thin Wall") != 0.0 and _is_glass(leaf)
+        rgb = None if alpha is None or thin else nodes.grey(1.0 - min(max(alpha, 0.0), 1.0))
+    else:
+        rgb = None if kind in _ALWAYS_PASS else BLACK
+    if rgb is None or leaf.weight is None:
+        return rgb if rgb == BLACK else None
+    rgb = nodes.scaled(rgb, leaf.weight)
+    return rgb if sum(rgb) >= 3.0 * _CLOSURE_CUTOFF else BLACK
 
 
 def _is_glass(leaf: Leaf) -> bool:

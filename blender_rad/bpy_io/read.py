@@ -78,6 +78,7 @@ def read_depsgraph(
         chromaticities=WORKING_SPACES[space],
         luminance_weights=luminance_weights(WORKING_SPACES[space]),
         blender_version=blender_version(),
+        transparent_max_bounces=bl_scene.cycles.transparent_max_bounces,
         unknown_lights=tuple(reader.unknown_lights),
         light_records=tuple(reader.records),
         unsupported=(

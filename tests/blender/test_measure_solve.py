@@ -147,12 +147,13 @@ def test_dark_and_unsupported(tmp_path: Path) -> None:
 
     def veil() -> None:
         glass = material("Glass", 'ShaderNodeBsdfTransparent')
+        glass.use_transparent_shadow = False
         square("Veil", 3.0, (0, 0, 1)).data.materials[0] = glass
 
     file = scene_file(tmp_path, "veil", point, veil)
     found = blender_rad.measure(file, at=[(0, 0, 0), (0, 0, 1.5)])
     (finding,) = found["findings"]
-    assert (finding["code"], finding["object"]) == ("unsupported", "Glass")
+    assert (finding["code"], finding["object"]) == ("unsupported", "Veil")
     assert "1 of 2" in finding["message"]
 
 

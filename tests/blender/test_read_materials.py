@@ -112,13 +112,15 @@ def test_one_sided_emission_is_not_known() -> None:
 def test_transparent_lets_shadows_pass_and_clay_closes_it() -> None:
     created = mixed("ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent", 0.3)
     found = read_material(created, "full")
-    assert not found.opaque
-    assert named(found) == ["Transparent BSDF"]
+    assert (found.opaque, found.unsupported) == (True, ())
+    assert found.transmittance == pytest.approx((0.3, 0.3, 0.3))
     assert surface_of(created).transmits
     clay = read_material(created, "clay")
     assert (clay.opaque, clay.albedo, clay.unsupported) == (True, CLAY, ())
     created.use_transparent_shadow = False
-    assert read_material(created, "full").opaque
+    assert not read_material(created, "full").opaque  # Cycles' BSDF sampling sees through it
+    varying = mixed("ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent", None)
+    assert not read_material(varying, "full").opaque
 
 
 @pytest.mark.parametrize("kind", ["ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"])
@@ -129,18 +131,19 @@ def test_glass_throws_a_shadow_and_clay_closes_it(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inputs", "opaque", "emission", "known"),
+    ("inputs", "passes", "emission", "known"),
     [
-        ({}, True, (0, 0, 0), True),
-        ({"Alpha": 0.5}, False, (0, 0, 0), True),
-        ({"Emission_Strength": 2.0}, True, (2, 2, 2), True),
-        ({"Emission_Strength": 2.0, "Coat_Weight": 1.0}, True, (0, 0, 0), False),
-        ({"Emission_Strength": 2.0, "Alpha": 0.25}, False, (0.5, 0.5, 0.5), True),
+        ({}, 0.0, (0, 0, 0), True),
+        ({"Alpha": 0.5}, 0.5, (0, 0, 0), True),
+        ({"Emission_Strength": 2.0}, 0.0, (2, 2, 2), True),
+        ({"Emission_Strength": 2.0, "Coat_Weight": 1.0}, 0.0, (0, 0, 0), False),
+        ({"Emission_Strength": 2.0, "Alpha": 0.25}, 0.75, (0.5, 0.5, 0.5), True),
     ],
 )
-def test_principled(inputs: Any, opaque: bool, emission: Any, known: bool) -> None:
+def test_principled(inputs: Any, passes: float, emission: Any, known: bool) -> None:
     found = read_material(material("M", "ShaderNodeBsdfPrincipled", **inputs), "full")
-    assert (found.opaque, found.emission, found.emission_known) == (opaque, emission, known)
+    assert (found.opaque, found.emission, found.emission_known) == (True, emission, known)
+    assert found.transmittance == (passes, passes, passes)
     assert "Principled BSDF" in named(found)
 
 
