@@ -36,19 +36,67 @@ def add(name: str, data: Any, **properties: Any) -> Any:
     return created
 
 
+def light(kind: str, name: str = "Lamp", **properties: Any) -> Any:
+    """Add a light."""
+    data = bpy.data.lights.new(name, kind)
+    for key, value in properties.items():
+        setattr(data, key, value)
+    return add(name, data)
+
+
+def collection(name: str, *objects: tuple[str, Any]) -> Any:
+    """Add a collection of new objects, each a name and its data; return it."""
+    created = bpy.data.collections.new(name)
+    for each in objects:
+        created.objects.link(bpy.data.objects.new(*each))
+    bpy.context.scene.collection.children.link(created)
+    return created
+
+
+def with_nodes(block: Any) -> Any:
+    """Return the node tree of a block, which has one from birth in Blender 5."""
+    if block.node_tree is None:
+        block.use_nodes = True
+    return block.node_tree
+
+
+def node(tree: Any, kind: str, *sources: Any, **inputs: Any) -> Any:
+    """Add a node; the first outputs of nodes, or sockets, go into its first inputs."""
+    created = tree.nodes.new(kind)
+    for socket, source in zip(created.inputs, sources, strict=False):
+        tree.links.new(getattr(source, "outputs", [source])[0], socket)
+    for key, value in inputs.items():
+        created.inputs[key.replace("_", " ")].default_value = value
+    return created
+
+
 def material(name: str, kind: str, **inputs: Any) -> Any:
     """A material of one closure node."""
     created = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        created.use_nodes = True
-    tree = created.node_tree
+    tree = with_nodes(created)
     tree.nodes.clear()
-    closure = tree.nodes.new(kind)
-    for key, value in inputs.items():
-        closure.inputs[key.replace("_", " ")].default_value = value
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    tree.links.new(closure.outputs[0], output.inputs["Surface"])
+    node(tree, "ShaderNodeOutputMaterial", node(tree, kind, **inputs))
     return created
+
+
+def world(name: str = "World", **inputs: Any) -> Any:
+    """A world of one Background node for the scene."""
+    created = bpy.context.scene.world = bpy.data.worlds.new(name)
+    for key, value in inputs.items():
+        with_nodes(created).nodes["Background"].inputs[key].default_value = value
+    return created
+
+
+def geometry_nodes(host: Any, kind: str, **inputs: Any) -> Any:
+    """Replace what a mesh object shows by what a node gives; return the node and its tree."""
+    tree = bpy.data.node_groups.new(kind, 'GeometryNodeTree')
+    for direction in ('INPUT', 'OUTPUT'):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type='NodeSocketGeometry')
+    made = node(tree, kind, **inputs)
+    output = tree.nodes.new("NodeGroupOutput")
+    tree.links.new(next(s for s in made.outputs if s.type == 'GEOMETRY'), output.inputs[0])
+    host.modifiers.new(kind, 'NODES').node_group = tree
+    return tree, made
 
 
 def polygons(name: str, vertices: Any, faces: Any) -> Any:
