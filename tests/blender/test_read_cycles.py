@@ -22,6 +22,7 @@ from .reading import (  # noqa: E402
     camera,
     cycles_passes,
     empty_scene,
+    geometry_nodes,
     polygons,
     shading_normals,
     sphere,
@@ -56,33 +57,29 @@ def view(width: int, height: int, aspect_x: float = 1, aspect_y: float = 1, **op
     return camera(**options)
 
 
-def wall(width: int, height: int, aspect_x: float = 1, aspect_y: float = 1, **options: Any) -> Any:
+def wall(*size: Any, **options: Any) -> Any:
     """A wall that fills the view of a camera, which is returned."""
     empty_scene()
     add("Wall", polygons("Wall", *SQUARE), scale=(50, 50, 1))
-    return view(width, height, aspect_x, aspect_y, **options)
+    return view(*size, **options)
 
 
-def pixels_of(scene: Scene, points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return where (n, 3) points appear, (n, 2) in pixels from the lower left."""
-    assert scene.camera is not None
-    local = (points - scene.camera.world_from_camera[:3, 3]) @ scene.camera.world_from_camera[
-        :3, :3
-    ]
-    if scene.camera.kind == "perspective":
-        local = local / -local[:, 2:]
-    left, right, bottom, top = scene.camera.plane
-    x = (local[:, 0] - left) / (right - left) * scene.resolution[0]
-    y = (local[:, 1] - bottom) / (top - bottom) * scene.resolution[1]
-    return np.stack([x, y], axis=-1)
+def read() -> Scene:
+    return read_scene(bpy.context.scene)
 
 
 def strayed(scene: Scene, path: Path) -> np.ndarray[Any, Any]:
     """Return how far Cycles' hits appear from its pixels' centres, in pixels."""
+    assert scene.camera is not None
     passes = cycles_passes(path)
     rows, columns = np.nonzero(np.isfinite(passes["Depth"]) & (passes["Depth"] < 1e9))
     assert len(rows) > 200
-    seen = pixels_of(scene, passes["Position"][rows, columns])
+    world = scene.camera.world_from_camera
+    local = (passes["Position"][rows, columns] - world[:3, 3]) @ world[:3, :3]
+    if scene.camera.kind == "perspective":
+        local = local / -local[:, 2:]
+    plane = np.reshape(scene.camera.plane, (2, 2))  # left to right, bottom to top
+    seen = (local[:, :2] - plane[:, 0]) / np.ptp(plane, axis=1) * scene.resolution
     centres = np.stack([columns + 0.5, scene.resolution[1] - rows - 0.5], axis=-1)
     return np.abs(seen - centres).max(axis=1)
 
@@ -90,14 +87,14 @@ def strayed(scene: Scene, path: Path) -> np.ndarray[Any, Any]:
 @pytest.mark.parametrize(("kind", "size"), [*zip(CAMERAS, 2 * [*FRAMES], strict=True)])
 def test_pixels_of_cycles_lie_on_our_rays(kind: str, size: str, tmp_path: Path) -> None:
     wall(*FRAMES[size], **CAMERAS[kind]).scale = (2, 0.5, 3)
-    assert strayed(read_scene(bpy.context.scene), tmp_path).max() < PIXEL
+    assert strayed(read(), tmp_path).max() < PIXEL
 
 
 @pytest.mark.parametrize("size", FRAMES)
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_planes_are_those_of_blender(kind: str, size: str) -> None:
     placed = wall(*FRAMES[size], **CAMERAS[kind])
-    scene = read_scene(bpy.context.scene)
+    scene = read()
     assert scene.camera is not None
     left, right, bottom, top = scene.camera.plane
     names = ("x", "y", "scale_x", "scale_y")
@@ -113,7 +110,7 @@ def test_planes_are_those_of_blender(kind: str, size: str) -> None:
 def test_resolution_percentage_cuts_pixels(tmp_path: Path) -> None:
     wall(101, 67)
     bpy.context.scene.render.resolution_percentage = 33
-    assert read_scene(bpy.context.scene).resolution == (33, 22)
+    assert read().resolution == (33, 22)
     assert cycles_passes(tmp_path)["Depth"].shape == (22, 33)
 
 
@@ -124,7 +121,7 @@ def test_border_is_what_cycles_renders(crop: bool, tmp_path: Path) -> None:
     render.use_border, render.use_crop_to_border = True, crop
     render.border_min_x, render.border_max_x = 0.21, 0.66
     render.border_min_y, render.border_max_y = 0.33, 0.71
-    scene = read_scene(bpy.context.scene)
+    scene = read()
     assert scene.border is not None
     x0, y0, x1, y1 = scene.border
     seen = np.abs(cycles_passes(tmp_path)["Position"]).max(axis=-1) > 0
@@ -139,7 +136,7 @@ def test_border_is_what_cycles_renders(crop: bool, tmp_path: Path) -> None:
 def test_layers_without_surfaces_show_none(tmp_path: Path) -> None:
     wall(8, 8)
     bpy.context.scene.view_layers[0].use_solid = False
-    assert not read_scene(bpy.context.scene).instances
+    assert not read().instances
     assert not cycles_passes(tmp_path)["Position"].any()
 
 
@@ -147,7 +144,7 @@ def test_the_material_of_empty_slots(tmp_path: Path) -> None:
     """Its diffuse colour in Cycles: the albedo that is read, where it is Lambert."""
     wall(8, 8)
     bpy.data.objects["Wall"].data.materials.clear()
-    scene = read_scene(bpy.context.scene)
+    scene = read()
     bpy.context.scene.view_layers[0].use_pass_diffuse_color = True
     bpy.context.scene.view_layers[0].use_pass_glossy_color = True
     passes = cycles_passes(tmp_path)
@@ -230,7 +227,7 @@ def test_normals_are_moved_as_cycles_moves_them(
     if users == 2:
         add("Two", mesh, location=(0, 0, -40), scale=(1, 2, 1))
     view(48, 36)
-    scene = read_scene(bpy.context.scene)
+    scene = read()
     assert scene.instances[0].normals_in_world == (users == 1)
     errors = normal_errors(scene, tmp_path, "One")
     assert np.quantile(errors, 0.99) < NORMAL
@@ -241,7 +238,7 @@ def test_the_two_ways_of_moving_normals_differ(tmp_path: Path) -> None:
     empty_scene()
     add("One", sphere("Sphere"), scale=(2, 1, 0.4), **TURNED)
     view(48, 36)
-    scene = read_scene(bpy.context.scene)
+    scene = read()
     wrong = tuple(replace(i, normals_in_world=not i.normals_in_world) for i in scene.instances)
     errors = normal_errors(replace(scene, instances=wrong), tmp_path, "One")
     assert np.quantile(errors, 0.5) > 3 * NORMAL
@@ -252,17 +249,10 @@ def test_normals_of_divided_meshes_in_geometry_nodes(change: Any, tmp_path: Path
     empty_scene()
     mesh = sphere("Sphere")
     change(mesh)
-    source = bpy.data.objects.new("Source", mesh)
-    tree = bpy.data.node_groups.new("Place", 'GeometryNodeTree')
-    tree.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
-    found = tree.nodes.new("GeometryNodeObjectInfo")
-    found.inputs["Object"].default_value = source
-    found.inputs["As Instance"].default_value = True
-    end = tree.nodes.new("NodeGroupOutput")
-    tree.links.new(found.outputs["Geometry"], end.inputs[0])
     host = add("Host", polygons("Host", *SQUARE), scale=(1.5, 1, 0.7))
-    host.modifiers.new("Place", 'NODES').node_group = tree
+    source = bpy.data.objects.new("Source", mesh)
+    geometry_nodes(host, "GeometryNodeObjectInfo", Object=source, As_Instance=True)
     view(48, 36)
-    scene = read_scene(bpy.context.scene)
+    scene = read()
     errors = normal_errors(scene, tmp_path, scene.instances[0].name)
     assert np.quantile(errors, 0.99) < NORMAL

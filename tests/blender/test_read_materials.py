@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 from blender_rad.bpy_io.materials import read_material, surface_of  # noqa: E402
 from blender_rad.scene import CLAY_ALBEDO, Material  # noqa: E402
 
-from .reading import empty_scene, material  # noqa: E402
+from .reading import empty_scene, material, node  # noqa: E402
 
 CLAY = (CLAY_ALBEDO,) * 3
 RED = (0.8, 0.2, 0.1, 1)
@@ -24,21 +24,30 @@ def _empty() -> None:
     empty_scene()
 
 
-def tree_of(created: Any) -> tuple[Any, Any]:
-    """Return a material's node tree and its output node."""
-    return created.node_tree, created.node_tree.get_output_node('CYCLES')
+def tree_of(created: Any) -> tuple[Any, Any, Any]:
+    """Return a material's node tree, its output node, and the socket that is its surface."""
+    output = created.node_tree.get_output_node('CYCLES')
+    return created.node_tree, output, output.inputs[0].links[0].from_socket
+
+
+def added(created: Any, other: str) -> Any:
+    """Add another closure to what a material shows; return the sum."""
+    tree, output, surface = tree_of(created)
+    add = node(tree, "ShaderNodeAddShader", surface, node(tree, other))
+    tree.links.new(add.outputs[0], output.inputs[0])
+    return add
 
 
 def mixed(first: str, second: str, factor: float | None) -> Any:
     """A mix of two closures; None makes the factor depend on the side that is seen."""
     created = material("Mixed", first)
-    tree, output = tree_of(created)
-    mix, other = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new(second)
-    tree.links.new(output.inputs[0].links[0].from_socket, mix.inputs[1])
-    tree.links.new(other.outputs[0], mix.inputs[2])
+    tree, output, surface = tree_of(created)
+    mix = node(tree, "ShaderNodeMixShader")
+    tree.links.new(surface, mix.inputs[1])
+    tree.links.new(node(tree, second).outputs[0], mix.inputs[2])
     tree.links.new(mix.outputs[0], output.inputs[0])
     if factor is None:
-        side = tree.nodes.new("ShaderNodeNewGeometry")
+        side = node(tree, "ShaderNodeNewGeometry")
         tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
     else:
         mix.inputs[0].default_value = factor
@@ -59,24 +68,19 @@ def test_lambert_is_read() -> None:
 def test_rough_or_bumpy_diffuse_is_unsupported(inputs: Any) -> None:
     created = material("M", "ShaderNodeBsdfDiffuse", **inputs)
     if not inputs:
-        tree, output = tree_of(created)
-        bump = tree.nodes.new("ShaderNodeBump")
-        tree.links.new(bump.outputs[0], output.inputs[0].links[0].from_node.inputs["Normal"])
-    found = read_material(created, "full")
-    assert named(found) == ["Diffuse BSDF"]
+        tree, _, surface = tree_of(created)
+        tree.links.new(node(tree, "ShaderNodeBump").outputs[0], surface.node.inputs["Normal"])
+    assert named(read_material(created, "full")) == ["Diffuse BSDF"]
     assert read_material(created, "clay").albedo == CLAY
 
 
-def test_emission_is_read_and_stays_pure_as_clay() -> None:
-    created = material("M", "ShaderNodeEmission", Color=(1, 0.5, 0.25, 1), Strength=4)
-    for shading in ("full", "clay"):
+@pytest.mark.parametrize(("strength", "clay"), [(4, (0, 0, 0)), (0, CLAY)])
+def test_emission_is_read_and_stays_pure_as_clay(strength: float, clay: Any) -> None:
+    created = material("M", "ShaderNodeEmission", Color=(1, 0.5, 0.25, 1), Strength=strength)
+    for shading, albedo in (("full", (0, 0, 0)), ("clay", clay)):
         found = read_material(created, shading)
-        assert found.emission == (4, 2, 1)
-        assert (found.albedo, found.opaque, found.unsupported) == ((0, 0, 0), True, ())
-
-
-def test_emission_of_nothing_is_clay() -> None:
-    assert read_material(material("M", "ShaderNodeEmission", Strength=0), "clay").albedo == CLAY
+        assert found.emission == (strength, strength / 2, strength / 4)
+        assert (found.albedo, found.opaque, found.unsupported) == (albedo, True, ())
 
 
 @pytest.mark.parametrize(("factor", "share"), [(0.25, 0.25), (-3.0, 0.0), (7.0, 1.0)])
@@ -89,11 +93,7 @@ def test_mix_weighs_with_a_clipped_factor(factor: float, share: float) -> None:
 
 def test_add_adds() -> None:
     created = material("M", "ShaderNodeBsdfDiffuse", Color=RED)
-    tree, output = tree_of(created)
-    add, glow = tree.nodes.new("ShaderNodeAddShader"), tree.nodes.new("ShaderNodeEmission")
-    tree.links.new(output.inputs[0].links[0].from_socket, add.inputs[0])
-    tree.links.new(glow.outputs[0], add.inputs[1])
-    tree.links.new(add.outputs[0], output.inputs[0])
+    added(created, "ShaderNodeEmission")
     for shading, albedo in (("full", RED[:3]), ("clay", CLAY)):
         found = read_material(created, shading)
         assert found.albedo == pytest.approx(albedo)
@@ -149,16 +149,15 @@ def test_principled(inputs: Any, passes: float, emission: Any, known: bool) -> N
 
 def test_no_surface_is_black_and_clay_is_clay() -> None:
     created = material("M", "ShaderNodeBsdfDiffuse")
-    tree, output = tree_of(created)
-    tree.links.remove(output.inputs[0].links[0])
+    created.node_tree.links.clear()
     assert read_material(created, "full").albedo == (0, 0, 0)
     assert read_material(created, "clay").albedo == CLAY
 
 
 def test_volumes_are_unsupported_and_gone_as_clay() -> None:
     created = material("M", "ShaderNodeBsdfDiffuse")
-    tree, output = tree_of(created)
-    fog = tree.nodes.new("ShaderNodeVolumePrincipled")
+    tree, output, _ = tree_of(created)
+    fog = node(tree, "ShaderNodeVolumePrincipled")
     tree.links.new(fog.outputs[0], output.inputs["Volume"])
     found = read_material(created, "full")
     assert (found.opaque, found.emission_known, named(found)) == (False, True, ["Volume"])
@@ -170,8 +169,8 @@ def test_volumes_are_unsupported_and_gone_as_clay() -> None:
 @pytest.mark.parametrize(("method", "opaque"), [('BUMP', True), ('DISPLACEMENT', False)])
 def test_displacement(method: str, opaque: bool) -> None:
     created = material("M", "ShaderNodeBsdfDiffuse")
-    tree, output = tree_of(created)
-    height = tree.nodes.new("ShaderNodeDisplacement")
+    tree, output, _ = tree_of(created)
+    height = node(tree, "ShaderNodeDisplacement")
     tree.links.new(height.outputs[0], output.inputs["Displacement"])
     created.displacement_method = method
     found = read_material(created, "full")
@@ -184,33 +183,26 @@ def test_groups_reroutes_values_and_muted_nodes_are_followed() -> None:
     group = bpy.data.node_groups.new("Paint", 'ShaderNodeTree')
     group.interface.new_socket("Tint", in_out='INPUT', socket_type='NodeSocketColor')
     group.interface.new_socket("Out", in_out='OUTPUT', socket_type='NodeSocketShader')
-    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
-    paint = group.nodes.new("ShaderNodeBsdfDiffuse")
-    group.links.new(start.outputs[0], paint.inputs["Color"])
-    group.links.new(paint.outputs[0], end.inputs[0])
+    paint = node(group, "ShaderNodeBsdfDiffuse", node(group, "NodeGroupInput"))
+    node(group, "NodeGroupOutput", paint)
 
     created = material("M", "ShaderNodeBsdfDiffuse")
-    tree, output = tree_of(created)
-    node = tree.nodes.new("ShaderNodeGroup")
-    node.node_tree = group
-    node.inputs[0].default_value = RED
-    way = tree.nodes.new("NodeReroute")
-    tree.links.new(node.outputs[0], way.inputs[0])
+    tree, output, _ = tree_of(created)
+    painted = node(tree, "ShaderNodeGroup")
+    painted.node_tree = group
+    painted.inputs[0].default_value = RED
+    way = node(tree, "NodeReroute", painted)
     tree.links.new(way.outputs[0], output.inputs[0])
     assert read_material(created, "full").albedo == pytest.approx(RED[:3])
 
-    rgb = tree.nodes.new("ShaderNodeRGB")
+    rgb = node(tree, "ShaderNodeRGB")
     rgb.outputs[0].default_value = (0.1, 0.2, 0.3, 1)
-    link = tree.links.new(rgb.outputs[0], node.inputs[0])
+    link = tree.links.new(rgb.outputs[0], painted.inputs[0])
     assert read_material(created, "full").albedo == pytest.approx((0.1, 0.2, 0.3))
     link.is_muted = True
     assert read_material(created, "full").albedo == pytest.approx(RED[:3])
 
-    add = tree.nodes.new("ShaderNodeAddShader")
-    glow = tree.nodes.new("ShaderNodeEmission")
-    tree.links.new(way.outputs[0], add.inputs[0])
-    tree.links.new(glow.outputs[0], add.inputs[1])
-    tree.links.new(add.outputs[0], output.inputs[0])
+    add = added(created, "ShaderNodeEmission")
     assert read_material(created, "full").emits
     add.mute = True
     found = read_material(created, "full")
