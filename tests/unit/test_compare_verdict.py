@@ -22,8 +22,16 @@ ALPHA = 0.01
 MORE = pytest.mark.parametrize('repeats', [40, pytest.param(600, marks=pytest.mark.nightly)])
 
 
-def verdicts(rng, film, witness, repeats, **options):
-    lights = infos(film.lights)
+def judged(layers, shown=None, noise=QUIET, count=8, *, seed=1, film=None, **options):
+    """Judge seeds of what a witness shows, the same as ours where nothing else is said."""
+    seeds = Witness(layers if shown is None else shown, noise).seeds(
+        np.random.default_rng(seed), count
+    )
+    return judge(film or film_of(layers), seeds, lights=infos(layers), **options)
+
+
+def verdicts(rng, layers, witness, repeats, **options):
+    film, lights = film_of(layers), infos(layers)
     return Counter(
         judge(film, witness.seeds(rng), lights=lights, **options).verdict for _ in range(repeats)
     )
@@ -47,7 +55,7 @@ def with_tile(layers, factor, row=0, column=2):
 @pytest.mark.parametrize('tail', [0.0, 0.4])
 def test_equal_scenes_never_differ(tail, repeats):
     rng, layers = np.random.default_rng(1), room()
-    found = verdicts(rng, film_of(layers), Witness(layers, tail=tail), repeats, tolerance=1e-4)
+    found = verdicts(rng, layers, Witness(layers, tail=tail), repeats, tolerance=1e-4)
     assert found['differ'] <= at_most(ALPHA, repeats)
 
 
@@ -56,7 +64,7 @@ def test_equal_scenes_never_differ(tail, repeats):
 def test_a_light_at_the_very_tolerance_is_mistaken_rarely(name, factor, repeats):
     rng, layers = np.random.default_rng(2), room()
     witness = Witness(scaled(layers, name, factor), QUIET, tail=0.3)
-    found = verdicts(rng, film_of(layers), witness, repeats)
+    found = verdicts(rng, layers, witness, repeats)
     assert found['differ'] <= at_most(ALPHA, repeats)
     assert found['agree'] <= at_most(ALPHA, repeats)
 
@@ -67,7 +75,7 @@ def test_a_tile_at_the_very_tolerance_is_mistaken_rarely(factor, repeats):
     """One dim tile: what it does to the lights' factors stays well inside their tolerance."""
     rng, layers = np.random.default_rng(3), {'Sky': room()['Sky']}
     witness = Witness(with_tile(layers, factor), 0.2, tail=0.3)
-    found = verdicts(rng, film_of(layers), witness, repeats)
+    found = verdicts(rng, layers, witness, repeats)
     assert found['differ'] <= at_most(ALPHA, repeats)
     assert found['agree'] <= at_most(ALPHA, repeats)
 
@@ -103,9 +111,7 @@ def test_equal_scenes_agree_in_the_usual_case():
 
 
 def test_a_tile_ten_percent_off_differs_and_the_lights_are_cleared():
-    rng, layers = np.random.default_rng(6), room()
-    witness = Witness(with_tile(layers, 1.10), QUIET)
-    found = judge(film_of(layers), witness.seeds(rng, 16), lights=infos(layers))
+    found = judged(room(), with_tile(room(), 1.10), count=16)
     assert found.verdict == 'differ'
     assert {f.code for f in found.findings} == {'tiles-differ', 'extra-light'}
     assert '(32, 0)' in found.findings[-1].message
@@ -113,23 +119,21 @@ def test_a_tile_ten_percent_off_differs_and_the_lights_are_cleared():
 
 
 def test_a_shift_of_colour_alone_differs():
-    rng, layers = np.random.default_rng(7), room()
+    layers = room()
     weights = np.array([0.2126390, 0.7151687, 0.0721923])
     shift = np.array([1.03, 1.0, 1.0])
     shift[1] = 1.0 - 0.03 * weights[0] * 1.0 / (weights[1] * 0.9)
     other = {**layers, 'Key': layers['Key'] * shift}
     assert (other['Key'] @ weights).sum() == pytest.approx((layers['Key'] @ weights).sum())
-    found = judge(film_of(layers), Witness(other, QUIET).seeds(rng), lights=infos(layers))
+    found = judged(layers, other)
     assert found.verdict == 'differ'
     assert found.lights[0].diagnosis == 'colour'
     assert [light.verdict for light in found.lights[1:3]] == ['agree', 'agree']
 
 
 def test_coincident_lights_are_one_group_with_one_factor():
-    rng, layers = np.random.default_rng(8), room()
-    twins = {**layers, 'Twin': 0.5 * layers['Key']}
-    witness = Witness({**twins, 'Twin': 1.3 * twins['Twin']}, QUIET)
-    found = judge(film_of(twins), witness.seeds(rng), lights=infos(twins))
+    twins = {**room(), 'Twin': 0.5 * room()['Key']}
+    found = judged(twins, scaled(twins, 'Twin', 1.3))
     key, twin = found.lights[0], found.lights[-1]
     assert key.group == twin.group == 'Key + Twin'
     assert key.scale_in_witness == twin.scale_in_witness == pytest.approx(1.1, abs=2e-3)
@@ -139,10 +143,7 @@ def test_coincident_lights_are_one_group_with_one_factor():
 
 
 def test_a_light_a_hundred_times_brighter_does_not_drown_the_others():
-    rng, layers = np.random.default_rng(9), room()
-    bright = {**layers, 'Key': 100.0 * layers['Key']}
-    film = film_of(bright)
-    found = judge(film, Witness(bright, 0.002).seeds(rng), lights=infos(bright))
+    found = judged(scaled(room(), 'Key', 100.0), noise=0.002)
     assert found.verdict == 'agree'
     assert found.lights[3].energy_fraction < 0.01
     assert found.lights[3].verdict == 'undecided'
@@ -150,19 +151,16 @@ def test_a_light_a_hundred_times_brighter_does_not_drown_the_others():
 
 
 def test_an_excluded_half_is_left_out_and_more_than_half_is_undecided():
-    rng, layers = np.random.default_rng(10), {'Sky': room()['Sky']}
-    wrong = {'Sky': layers['Sky'].copy()}
+    layers, wrong = ({'Sky': room()['Sky']} for _ in range(2))
     wrong['Sky'][:, : W // 2 - 3] *= 3.0
-    seeds = Witness(wrong, 0.01).seeds(rng)
     out = np.zeros((H, W), bool)
     out[:, : W // 2 - 3] = True
-    found = judge(film_of(layers, excluded=out), seeds, lights=infos(layers))
+    found = judged(layers, wrong, 0.01, film=film_of(layers, excluded=out))
     assert found.verdict == 'agree'
-    assert found.pixels.excluded == out.sum()
-    assert found.pixels.compared == (~out).sum()
+    assert (found.pixels.excluded, found.pixels.compared) == (out.sum(), (~out).sum())
     assert (found.pixel_classes[out] == EXCLUDED).all()
     out[:, : W // 2 + 3] = True
-    found = judge(film_of(layers, excluded=out), seeds, lights=infos(layers))
+    found = judged(layers, wrong, 0.01, film=film_of(layers, excluded=out))
     assert found.verdict == 'undecided'
     assert [f.code for f in found.findings] == ['coverage-low']
     assert found.needed_factor is None
@@ -184,25 +182,19 @@ def test_nothing_to_compare_is_undecided(what):
 
 
 def test_lights_of_shadow_alone_black_ones_and_negative_ones_are_judged_or_left():
-    rng, layers = np.random.default_rng(11), room()
-    odd = {**layers, 'Dark': -0.3 * layer(40.0, 10.0, (1.0, 1.0, 1.0)), 'Black': 0 * layers['Sky']}
-    found = judge(film_of(odd), Witness(odd, 0.01).seeds(rng), lights=infos(odd))
+    dark = -0.3 * layer(40.0, 10.0, (1.0, 1.0, 1.0))
+    odd = {**room(), 'Dark': dark, 'Black': 0 * dark}
+    found = judged(odd, noise=0.01)
     assert found.verdict == 'agree'
     dark, black = found.lights[-2:]
     assert dark.verdict == 'agree'
     assert dark.scale_in_witness == pytest.approx(1.0, abs=5e-3)
     assert np.isnan(black.scale_in_witness)
-    other = {**odd, 'Dark': 1.1 * odd['Dark']}
-    found = judge(film_of(odd), Witness(other, 0.01).seeds(rng), lights=infos(odd))
-    assert found.lights[-2].verdict == 'differ'
+    assert judged(odd, scaled(odd, 'Dark', 1.1), 0.01).lights[-2].verdict == 'differ'
 
 
 def test_two_seeds_decide_little_but_never_crash():
-    rng, layers = np.random.default_rng(12), room()
-    film = film_of(layers)
-    found = Counter(
-        judge(film, Witness(layers).seeds(rng, 2), lights=infos(layers)).verdict for _ in range(30)
-    )
+    found = Counter(judged(room(), noise=0.06, count=2, seed=seed).verdict for seed in range(30))
     assert found['differ'] == 0
     assert found['undecided'] > 20
 
@@ -228,34 +220,29 @@ def test_noise_of_our_own_counts_and_is_named_as_what_to_buy():
     relative = 2.0
     mean, drawn = layers['Sky'] * relative * rng.normal(size=(2, H, W, 3))
     film = film_of({'Sky': layers['Sky'] + mean}, (relative * layers['Sky']) ** 2, {'Sky': drawn})
-    found = judge(film, Witness(layers, 0.01).seeds(rng), lights=infos(layers))
+    found = judged(layers, noise=0.01, film=film)
     assert found.verdict == 'undecided'
     assert found.our_noise_share > 0.9
     assert found.needed_factor > 1.25
 
 
 def test_later_rounds_ask_for_more_evidence():
-    rng, layers = np.random.default_rng(14), room()
-    film, witness = film_of(layers), Witness(layers, QUIET)
-    agreed = [
-        sum(judge(film, s, lights=infos(layers), round_index=i).verdict == 'agree' for s in seeds)
-        for seeds in [[witness.seeds(rng) for _ in range(12)]]
-        for i in (0, 9)
-    ]
-    assert agreed[0] > agreed[1]
+    early, late = (
+        [judged(room(), seed=seed, round_index=index).verdict for seed in range(12)]
+        for index in (0, 9)
+    )
+    assert early.count('agree') > late.count('agree')
 
 
 def test_partly_covered_tiles_are_pooled_and_slivers_are_left_to_the_frame():
-    rng, layers = np.random.default_rng(15), {'Sky': room()['Sky']}
-    other = {'Sky': layers['Sky'].copy()}
+    layers, other = ({'Sky': room()['Sky']} for _ in range(2))
     other['Sky'][:3, :4] *= 1.5
-    seeds = Witness(other, 0.01).seeds(rng)
     for rows, columns, expected in [(3, 5, 'agree'), (3, 6, 'differ')]:
         out = np.zeros((H, W), bool)
         out[:16, :16] = True
         out[:rows, :columns] = False
-        found = judge(film_of(layers, excluded=out), seeds, lights=infos(layers), tolerance=0.02)
-        assert found.verdict == expected
+        film = film_of(layers, excluded=out)
+        assert judged(layers, other, 0.01, film=film, tolerance=0.02).verdict == expected
 
 
 def test_pixels_that_are_not_finite_are_left_out_with_a_finding():
@@ -277,31 +264,6 @@ def test_wrong_input_is_said_in_one_line():
         judge(film_of(layers), np.zeros((2, 4, 4, 3)), lights=infos(layers))
     with pytest.raises(RadError, match="at least 1"):
         judge_pictures(film_of(layers), np.zeros((0, H, W, 3)), lights=infos(layers))
-
-
-def test_the_report_has_the_shapes_of_the_contract():
-    rng, layers = np.random.default_rng(17), room()
-    found = judge(film_of(layers), Witness(layers, 0.01).seeds(rng), lights=infos(layers))
-    said = json.loads(json.dumps(found.to_json()))
-    assert set(said) == {'verdict', 'pixels', 'metrics', 'lights', 'findings'}
-    assert set(said['pixels']) == {'compared', 'agree', 'differ', 'undecided', 'excluded'}
-    assert set(said['lights'][0]) == {
-        'name',
-        'type',
-        'count',
-        'group',
-        'energy_fraction',
-        'scale_in_witness',
-        'standard_error',
-        'verdict',
-        'diagnosis',
-    }
-    assert set(said['metrics']) == {
-        'energy_ratio',
-        'mean_signed_relative_error',
-        'p95_absolute_relative_error',
-        'relmse',
-    }
 
 
 @pytest.mark.parametrize('count', [1, 4])
@@ -340,20 +302,18 @@ def test_pictures_whose_pixels_err_together_are_no_better_than_seeds():
 
 
 def test_pictures_smaller_than_a_tile_are_judged_by_frame_and_lights():
-    rng, layers = np.random.default_rng(21), {n: v[18:21, 18:21] for n, v in room().items()}
-    film = film_of({'All': sum(layers.values())})
-    seeds = film.radiance * (1.0 + 1e-3 * rng.normal(size=(8, 3, 3, 1)))
-    assert judge(film, seeds, lights=infos(film.lights)).verdict == 'agree'
-    found = judge(film, 0.5 * seeds, lights=infos(film.lights))
+    layers = {'All': sum(room().values())[18:21, 18:21]}
+    seeds = layers['All'] * (1.0 + 1e-3 * np.random.default_rng(21).normal(size=(8, 3, 3, 1)))
+    assert judge(film_of(layers), seeds, lights=infos(layers)).verdict == 'agree'
+    found = judge(film_of(layers), 0.5 * seeds, lights=infos(layers))
     assert found.verdict == 'differ'
     assert found.lights[0].diagnosis == 'scale'
 
 
 def test_a_picture_of_directly_seen_light_alone_is_judged_by_frame_and_tiles():
-    rng, seen = np.random.default_rng(22), room()['Sky']
-    film = replace(film_of({'Sky': seen}), lights={}, seen=seen)
-    seeds = Witness({'Sky': seen}, 0.01).seeds(rng)
-    assert judge(film, seeds, lights=[]).verdict == 'agree'
-    found = judge(film, 1.1 * seeds, lights=[])
+    layers = {'Sky': room()['Sky']}
+    film = replace(film_of(layers), lights={}, seen=layers['Sky'])
+    assert judged({}, layers, 0.01, film=film).verdict == 'agree'
+    found = judged({}, scaled(layers, 'Sky', 1.1), 0.01, film=film)
     assert found.verdict == 'differ'
     assert 'tiles-differ' in {f.code for f in found.findings}
