@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's face: properties, panels, operators. No physics; heavy libraries load when used."""
 
-from . import engine, preferences, settings
+from . import check_panel, engine, images, light_panel, preferences, readout, settings, stating
 
-MODULES = (preferences, settings, engine)
+MODULES = (preferences, settings, engine, check_panel, images, stating, readout, light_panel)
 
 
 def register() -> None:

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
+LISTENERS: list[Callable[[str, float], None]] = []  # told what is done, and the share of it
+
 
 @contextmanager
 def bar(what: str) -> Generator[Callable[[float], None]]:
@@ -20,5 +22,7 @@ def bar(what: str) -> Generator[Callable[[float], None]]:
 
         def update(share: float) -> None:
             shown.update(max(0.0, share - shown.n))
+            for listen in LISTENERS:
+                listen(what, share)
 
         yield update

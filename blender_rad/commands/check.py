@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 SCHEMA = 1
+TAKEN_BACK_SEEDS = 3
 CODES = {"agree": 0, "undecided": 3, "differ": 1}  # exit codes, from the best to the worst
 
 
@@ -136,7 +137,8 @@ class CheckOptions(PictureCommand, verb="check"):
             overridden=witness.overridden if witness else {},
             seconds={"read": read},
         )
-        document["findings"] += plain(_kept_settings(witness))
+        if witness:
+            document["findings"] += plain([*self._kept_settings(witness, result)])
         if folder:
             self._write(folder, document, scene, result)
         return document
@@ -181,17 +183,43 @@ class CheckOptions(PictureCommand, verb="check"):
         own = bl_scene.cycles.samples if self.witness_settings == "file" else None
         return witness, check.against(witness, self.samples or own)
 
+    def _kept_settings(self, witness: CyclesWitness, result: Result) -> Iterator[Finding]:
+        """Yield the file's own settings that are not the unbiased; what they do, where it differs.
+
+        That is measured: the same seeds once more, each time with one of them less.
+        """
+        from ..compare.claims import TILE_TOLERANCES
+        from ..compare.effects import effect_of
+
+        named = set[str]()
+        known = {finding.code for finding in result.comparison.findings}
+        if result.comparison.verdict == "differ" and result.witness_samples:
+            pictures = result.pictures[:TAKEN_BACK_SEEDS]
+            for code, own, *both in witness.taken_back(pictures, result.witness_samples):
+                effect, percent = effect_of(*both), 100.0 * self.tolerance
+                severe = effect.is_beyond(percent, TILE_TOLERANCES * percent)
+                listed = ", ".join(f"{name.split('.')[1]} {value}" for name, value in own.items())
+                message = f"{code.replace('-', ' ')} left on in the witness ({listed}): {effect}"
+                severity = "error" if severe else "info"
+                named |= set(own)
+                if code not in known:
+                    yield Finding(code, severity, "", message, effect.whole)
+        for name, (own, unbiased) in witness.kept.items():
+            if name not in named:
+                said = f"{name} is {own!r}; the unbiased is {unbiased!r}"
+                yield Finding("witness-setting", "info", name, said)
+
     def _write(self, folder: Path, document: dict[str, Any], scene: Scene, result: Result) -> None:
         """Write the five files; `report.json` last, so that where it is, all are."""
         from ..exr import PASSES, film_channels, film_header, write_exr
         from ..report import ReportData, write_report
+        from ..report.difference import difference
 
         started = time.perf_counter()
         film, header = result.film, film_header(result.film, scene, self.efficacy)
         passes = (*PASSES, *(f"Light.{name}" for name in film.lights))
         write_exr(folder / "ours.exr", film_channels(film, scene, self.efficacy, passes), header)
         write_exr(folder / "cycles.exr", _rgb(result.witness), header)
-        write_exr(folder / "difference.exr", _rgb(result.witness - film.radiance), header)
         data = ReportData(
             document=document,
             ours=film.radiance,
@@ -205,6 +233,9 @@ class CheckOptions(PictureCommand, verb="check"):
             chromaticities=scene.chromaticities,
             witness_name="the picture" if self.render else "Cycles",
         )
+        relative, _ = difference(data, self.tolerance)
+        pixels = _rgb(result.witness - film.radiance) | {"Relative.V": relative}
+        write_exr(folder / "difference.exr", pixels, header)
         write_report(folder / "report.html", data)
         document["seconds"]["report"] = time.perf_counter() - started
         _write_text(folder / "report.json", dumps(document))
@@ -213,15 +244,6 @@ class CheckOptions(PictureCommand, verb="check"):
 def worst(verdicts: Iterable[str]) -> str:
     """Return the verdict that counts for several comparisons."""
     return max(verdicts, key=list(CODES).index)
-
-
-def _kept_settings(witness: CyclesWitness | None) -> list[Finding]:
-    """Return the file's own settings, where the witness kept them, that are not the unbiased."""
-    kept = witness.kept if witness else {}
-    return [
-        Finding("witness-setting", "info", name, f"{name} is {own!r}; the unbiased is {unbiased!r}")
-        for name, (own, unbiased) in kept.items()
-    ]
 
 
 def _rgb(image: Any) -> dict[str, Any]:

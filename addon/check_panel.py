@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One button: does Cycles agree? With its progress, its answer, and what to do about it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from .checking import POLL_S, Check
+from .images import show_difference
+
+ICONS = {'agree': 'CHECKMARK', 'differ': 'CANCEL', 'undecided': 'QUESTION'}
+_checks: list[Check] = []  # the last one
+
+
+def _last() -> Check | None:
+    return _checks[-1] if _checks else None
+
+
+def _poll() -> float | None:
+    """Follow the check that runs; as a timer, until it has ended."""
+    check = _last()
+    if check is None or not check.running:
+        return None
+    check.poll()
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == 'PROPERTIES':
+                area.tag_redraw()
+    return POLL_S if check.running else None
+
+
+class RADIOMETRIC_OT_check(bpy.types.Operator):
+    """Ask Cycles for the direct light of the scene, and compare it with what the numbers say."""
+
+    bl_idname = "radiometric.check"
+    bl_label = "Check Against Cycles"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        check = _last()
+        return context.scene.camera is not None and not (check and check.running)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        _checks[:] = [check := Check(context.scene)]
+        if not bpy.app.background:
+            bpy.app.timers.register(_poll, first_interval=POLL_S, persistent=True)
+            return {'FINISHED'}
+        check.wait()
+        if check.document is None:
+            self.report({'ERROR'}, check.error)
+            return {'CANCELLED'}
+        self.report({'INFO'}, check.document["verdict"])
+        return {'FINISHED'}
+
+
+class RADIOMETRIC_OT_check_cancel(bpy.types.Operator):
+    """Stop the check."""
+
+    bl_idname = "radiometric.check_cancel"
+    bl_label = "Cancel"
+    bl_options = {'INTERNAL'}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if check := _last():
+            check.cancel()
+        return {'FINISHED'}
+
+
+class RADIOMETRIC_OT_select(bpy.types.Operator):
+    """Select this object."""
+
+    bl_idname = "radiometric.select"
+    bl_label = "Select"
+    bl_options = {'REGISTER', 'UNDO', 'INTERNAL'}
+
+    name: StringProperty(options={'SKIP_SAVE'})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        found = context.view_layer.objects.get(self.name)
+        if found is None:
+            self.report({'WARNING'}, f"{self.name} is no object of this view layer")
+            return {'CANCELLED'}
+        for selected in context.selected_objects:
+            selected.select_set(False)
+        found.select_set(True)
+        context.view_layer.objects.active = found
+        return {'FINISHED'}
+
+
+class RADIOMETRIC_OT_report(bpy.types.Operator):
+    """Open the report of the last check in the browser."""
+
+    bl_idname = "radiometric.report"
+    bl_label = "Report"
+    bl_options = {'INTERNAL'}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if check := _last():
+            bpy.ops.wm.url_open(url=(check.folder / "report.html").as_uri())
+        return {'FINISHED'}
+
+
+class RADIOMETRIC_OT_difference(bpy.types.Operator):
+    """Show where Cycles differs: red is brighter than it should be, blue darker."""
+
+    bl_idname = "radiometric.difference"
+    bl_label = "Difference"
+    bl_options = {'INTERNAL'}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if check := _last():
+            show_difference(check.folder / "difference.exr", context.scene.radiometric.tolerance)
+        return {'FINISHED'}
+
+
+class RADIOMETRIC_RENDER_PT_check(bpy.types.Panel):
+    """The check, its progress and its answer."""
+
+    bl_label = "Radiometric Check"
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = 'render'
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, check = self.layout, _last()
+        layout.use_property_split = True
+        own = context.scene.radiometric
+        for name in ("tolerance", "model", "shading", "efficacy"):
+            layout.prop(own, name)
+        if check and check.running:
+            row = layout.row(align=True)
+            row.progress(factor=check.share, text=f"{check.step} {100 * check.share:.0f} %")
+            row.operator("radiometric.check_cancel", text="", icon='CANCEL')
+            return
+        layout.operator("radiometric.check", icon='VIEWZOOM')
+        if check and check.document:
+            _draw_answer(layout.box(), check.document)
+            row = layout.row(align=True)
+            row.operator("radiometric.report", icon='URL')
+            row.operator("radiometric.difference", icon='IMAGE_DATA')
+        elif check:
+            layout.label(text=check.error, icon='ERROR')
+
+
+def _draw_answer(box: Any, document: dict[str, Any]) -> None:
+    verdict, settings = document["verdict"], document["settings"]
+    terms = f"within {100 * settings['tolerance']:g} %, {100 * settings['confidence']:g} % sure"
+    box.label(text=f"{verdict.capitalize()} ({terms})", icon=ICONS[verdict])
+    ratio = document["metrics"]["energy_ratio"]
+    if ratio is not None:
+        box.label(text=f"Cycles gives {ratio:.4f} times the light")
+    share = document["coverage"]["supported_pixel_fraction"]
+    box.label(text=f"{100 * share:.0f} % of the picture compared")
+    for light in document["lights"]:
+        if light["verdict"] == "differ":
+            row = box.row()
+            row.operator(
+                "radiometric.select", text=light["name"], icon=ICONS['differ']
+            ).name = light["name"]
+            scale = light["scale_in_witness"]
+            said = "" if scale is None else f"x {scale:.3f} "
+            row.label(text=said + (light["diagnosis"] or ""))
+    for finding in document["findings"]:
+        if finding["severity"] != "info":
+            box.label(text=f"{finding['object']} {finding['message']}".strip(), icon='INFO')
+
+
+_register, _unregister = bpy.utils.register_classes_factory(
+    (
+        RADIOMETRIC_OT_check,
+        RADIOMETRIC_OT_check_cancel,
+        RADIOMETRIC_OT_select,
+        RADIOMETRIC_OT_report,
+        RADIOMETRIC_OT_difference,
+        RADIOMETRIC_RENDER_PT_check,
+    )
+)
+
+
+def register() -> None:
+    _register()
+
+
+def unregister() -> None:
+    if bpy.app.timers.is_registered(_poll):
+        bpy.app.timers.unregister(_poll)
+    if check := _last():
+        check.cancel()
+    _checks.clear()
+    _unregister()
