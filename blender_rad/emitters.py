@@ -9,7 +9,7 @@ import numpy as np
 
 from .lights import Light
 from .lights.mesh import MeshLight
-from .lights.world import Portal, WorldLight
+from .lights.world import WHOLE, Portal, WorldLight
 from .rays import transform_points
 from .scene import Instance, Material, Scene, Unsupported
 
@@ -44,9 +44,8 @@ def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
             else:
                 unknown.append((light, _cause(material.unsupported, "material", material.name)))
     world = scene.world
-    if world.visible_diffuse and world.known and any(world.radiance):
-        portals = tuple(p for p in map(Portal.from_record, scene.light_records) if p)
-        known.append(WorldLight(name=WORLD_NAME, rgb=np.array(world.radiance), portals=portals))
+    if world.visible_diffuse:
+        known += world_lights(scene)
     if world.visible_diffuse and not world.known:
         cause = _cause(world.unsupported, "world", WORLD_NAME)
         unknown.append((WorldLight(name=WORLD_NAME, rgb=np.ones(3)), cause))
@@ -63,6 +62,30 @@ def _emitting_slots(scene: Scene, instance: Instance) -> list[tuple[int, Materia
     if not instance.visible_diffuse or instance.proxy:
         return []
     materials = [(k, scene.materials[m]) for k, m in enumerate(instance.materials)]
+def world_lights(scene: Scene) -> list[WorldLight]:
+    """Return the known background in parts that add up: uniform, by direction, suns' discs."""
+    world = scene.world
+    if not world.known:
+        return []
+    shadow = world.cast_shadow
+    portals = tuple(p for p in map(Portal.from_record, scene.light_records) if p)
+    found: list[WorldLight] = []
+    if any(world.radiance):
+        rgb = np.array(world.radiance)
+        found = [WorldLight(name=WORLD_NAME, rgb=rgb, portals=portals, cast_shadow=shadow)]
+    return found + [
+        WorldLight(
+            name=WORLD_NAME,
+            rgb=np.full(3, sky.scale),
+            sky=sky,
+            portals=portals if sky.half == WHOLE else (),
+            cast_shadow=shadow,
+        )
+        for sky in world.maps
+        if sky.scale
+    ]
+
+
     return [(k, m) for k, m in materials if m.emits or not m.emission_known]
 
 

@@ -215,6 +215,7 @@ class _Few:
         shape = (len(self.emitters), len(points))
         self.taken = np.zeros((*shape, 1))  # by each stream
         self.sent, self.arrived, self.tested, self.seen = np.zeros((4, *shape, STREAMS))
+        self.colour = np.zeros((*shape, 3))  # what has arrived, of all streams
         self.exact = np.full((*shape, 1), np.nan)
         self.excluded: dict[Unsupported, NDArray[np.bool_]] = {}
 
@@ -244,12 +245,15 @@ class _Few:
             if emitter.layer >= 0:
                 lights[:, emitter.layer] += share
         error = np.sqrt(variance.sum(axis=0))
-        return Readings(mean.T @ rgb, lights, error, missed, self.excluded)
+        arrived = self.arrived.sum(axis=2)[..., None]
+        hue = np.where(arrived, self.colour / np.where(arrived, arrived, 1.0), rgb[:, None])
+        irradiance = np.sum(mean[..., None] * hue, axis=0)
+        return Readings(irradiance, lights, error, missed, self.excluded)
 
     def _estimates(self) -> tuple[Floats, Floats, Floats]:
         """Return what arrives, what would if nothing hid it, and the variance of the first.
 
-        Each is (emitters, m), over the lights' `rgb`.
+        Each is (emitters, m), over the luminance of the lights' `rgb`.
         """
         known = np.isfinite(self.exact)
         sent, arrived = self.sent / self.taken, self.arrived / self.taken
@@ -287,11 +291,15 @@ class _Few:
         surface = self._surface(np.repeat(rows, shape[1] * shape[2]))
         sample = emitter.light.sample(surface.point, surface.normal, u)
         sent = np.maximum(sample.weight * dot(surface.normal, sample.wi), 0.0)
-        arrived = np.zeros(len(sent))
+        weights = self.meter.weights
+        rgb, arrived = emitter.light.rgb, np.zeros(len(sent))
+        if sample.tint is not None:
+            sent *= (rgb * sample.tint) @ weights / (rgb @ weights)
         one = copy.copy(self.light)
         one.emitters = [emitter]
         for arrival in one.arrivals(surface, lambda *_: np.zeros(len(sent)), lambda _: u):
-            arrived += arrival.irradiance
+            arrived += arrival.rgb @ weights / (rgb @ weights)
+            self.colour[number, rows] += arrival.rgb.reshape(len(rows), -1, 3).sum(axis=1)
             for exclusion in arrival.exclusions:
                 mask = self.excluded.setdefault(exclusion.cause, np.zeros(len(self.points), bool))
                 mask[rows[exclusion.rows // (shape[1] * shape[2])]] = True

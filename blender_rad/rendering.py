@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from .cameras import CameraRays, camera_rays, view_depth
 from .direct import DirectLight, Share, Sightings
-from .emitters import WORLD_NAME
+from .emitters import WORLD_NAME, world_lights
 from .errors import RadError
 from .film import Film, neighbourhood_mean
 from .pixels import Batch, Pixels
@@ -135,6 +135,7 @@ class _Run:
         self.sums = Pixels(layers, len(self.place), STREAMS)
         self.sightings = Sightings(len(light.emitters), len(self.place), STREAMS)
         self.progress = progress or (lambda share: None)
+        self.world = world_lights(scene)
         self.arrived: Arrived = lambda _: None
         self.cancel = cancel or threading.Event()
         limit = settings.time_limit
@@ -360,9 +361,10 @@ class _Run:
             self.sums.alpha[batch.rows] -= batch.total(clear)
         radiance = np.zeros((batch.count, 3))
         if world.visible_camera and not transparent and not met.all():
-            if world.known:
-                radiance[~met] = world.radiance
-                self._show(batch, radiance, self.layers.get(WORLD_NAME, -1))
+            for light in self.world:
+                _, shown = light.intersect(rays.origins[~met], rays.directions[~met])
+                radiance[~met] += light.rgb * shown.reshape(len(shown), -1)
+            self._show(batch, radiance, self.layers.get(WORLD_NAME, -1))
             for cause in world.unsupported:
                 self._exclude(batch, np.flatnonzero(~met), cause)
         before = np.where(met, distance, rays.reach)

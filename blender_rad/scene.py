@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import Finding
-from .lights import Light, LightRecord, Model
+from .lights import Light, LightRecord, Model, SkyMap
+from .textures import Expression
 from .working_space import REC709, luminance_weights
 
 CLAY_ALBEDO = 0.8
@@ -69,7 +70,9 @@ class Mesh:
     normals : (m, 3, 3) float32 unit shading normals by corner, or None when all is flat.
     smooth : (m,) bool, faces shaded smooth (Cycles' shadow terminator offset acts on them alone).
     slots : (m,) int32 material slot of each triangle.
-    uvs : UV maps by name, each (m, 3, 2) float32.
+    attributes : by name, (m, 3, k) float32 at the corners: UV maps, colours, and what else there
+        is; ``textures.UV`` is the UV map that renders take.
+    texture_space : centre and half size (3,) of Generated coordinates, None if not known.
     """
 
     name: str
@@ -139,11 +142,13 @@ class Camera:
 
 @dataclass(frozen=True)
 class World:
-    """A uniform background.
+    """A background: uniform, or the sum of maps by direction.
 
     Attributes
     ----------
-    radiance : (3,) [W/(m² sr)].
+    radiance : (3,) [W/(m² sr)] from everywhere.
+    maps : what is not uniform of it.
+    cast_shadow : whether anything can hide it.
     visible_camera, visible_diffuse : what it is seen by.
     known : False when it is not uniform or not readable: what it may reach is excluded.
     """
@@ -153,6 +158,8 @@ class World:
     visible_diffuse: bool = True
     known: bool = True
     unsupported: tuple[Unsupported, ...] = ()
+    maps: tuple[SkyMap, ...] = ()
+    cast_shadow: bool = True
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..errors import Finding, RadError
-from ..lights import Model
+from ..lights import Model, SkyMap
 from ..scene import Scene
 from ..working_space import WORKING_SPACES, luminance_weights
 from .cameras import read_camera
@@ -20,16 +20,18 @@ from .instances import Reader, blender_version
 from .materials import Shading
 from .open import SOURCE_KEY, file_findings
 from .session import in_render
-from .world import read_world
+from .world import read_maps, read_world, shown_world
 
 
-def read_scene(bl_scene: Any, **options: Any) -> Scene:
+def read_scene(bl_scene: Any, *, maps: tuple[SkyMap, ...] | None = None, **options: Any) -> Scene:
     """Return the scene as it renders at its current frame, in its first view layer in use.
 
-    `bl_scene` is a bpy.types.Scene; nothing in it is changed. `options` are `read_depsgraph`'s.
+    `bl_scene` is a bpy.types.Scene; nothing in it is changed. `options` are `read_depsgraph`'s,
+    `maps` those of an earlier reading.
     """
     layer = next((layer for layer in bl_scene.view_layers if layer.use), bl_scene.view_layers[0])
-    return in_render(bl_scene, layer.name, partial(read_depsgraph, **options))
+    maps = read_maps(bl_scene, layer) if maps is None else maps
+    return in_render(bl_scene, layer.name, partial(read_depsgraph, maps=maps, **options))
 
 
 def read_depsgraph(
@@ -38,6 +40,7 @@ def read_depsgraph(
     shading: Shading = "full",
     model: Model = "cycles",
     resolution: tuple[int, int] | None = None,
+    maps: tuple[SkyMap, ...] = (),
 ) -> Scene:
     """Return the scene of a render depsgraph, such as a render engine is given.
 
@@ -46,6 +49,7 @@ def read_depsgraph(
     shading : ``full`` keeps the materials, ``clay`` makes all that reflects Lambert 0.8.
     model : what the lights' numbers mean.
     resolution : (width, height) in pixels in place of the scene's own.
+    maps : of its world, measured before: a render cannot start another.
     """
     bl_scene = depsgraph.scene
     render = bl_scene.render
@@ -55,7 +59,7 @@ def read_depsgraph(
     reader.read()
     size = resolution or frame_size(render)
     camera = bl_scene.camera and read_camera(bl_scene.camera, render, size)
-    world = read_world(layer.world_override or bl_scene.world, shown=layer.use_sky)
+    world = read_world(shown_world(bl_scene, layer), maps)
     file = bpy.data.filepath or bl_scene.original.get(SOURCE_KEY, "")
     space = working_space()
     return Scene(

@@ -1,25 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The world: a uniform background, or a record of why it is not one."""
+"""The world: a uniform background, maps of one by direction, or a record of why neither."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from ..lights import SkyMap
 from ..scene import Unsupported, World
 from . import nodes
+from .sky import measure_sky, unmeasurable
 
 _EMITTERS = {"ShaderNodeBackground", "ShaderNodeEmission"}
 
 
-def read_world(bl_world: Any | None, *, shown: bool = True) -> World:
-    """Return the background of an evaluated world; None and hidden ones are black."""
-    if bl_world is None or not shown:
+def shown_world(bl_scene: Any, layer: Any) -> Any | None:
+    """Return the world that a view layer renders."""
+    return (layer.world_override or bl_scene.world) if layer.use_sky else None
+
+
+def read_maps(bl_scene: Any, layer: Any) -> tuple[SkyMap, ...]:
+    """Return the maps of a world that is not uniform, which take renders of their own."""
+    bl_world = shown_world(bl_scene, layer)
+    if bl_world is None or _uniform(bl_world)[1] is None or _unsupported(bl_world):
+        return ()
+    return measure_sky(bl_world, (bl_scene.frame_current, bl_scene.frame_subframe))
+
+
+def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
+    """Return the background of an evaluated world with the `maps` of it; None is black."""
+    if bl_world is None:
         return World()
-    radiance, feature = _radiance(bl_world)
+    radiance, feature = _uniform(bl_world)
+    features = _unsupported(bl_world) if feature else _volume(bl_world)
+    if feature and not maps and not features:
+        features = [feature]
     visible = bl_world.cycles_visibility
-    features = [f for f in (feature, _volume(bl_world)) if f]
     return World(
         radiance=radiance,
+        maps=maps,
+        cast_shadow=getattr(bl_world.cycles, "use_shadows", True),
         visible_camera=visible.camera,
         visible_diffuse=visible.diffuse,
         known=not features,
@@ -27,7 +46,7 @@ def read_world(bl_world: Any | None, *, shown: bool = True) -> World:
     )
 
 
-def _radiance(bl_world: Any) -> tuple[nodes.Triple, str | None]:
+def _uniform(bl_world: Any) -> tuple[nodes.Triple, str | None]:
     """Return the radiance (3,) [W/(m² sr)], and the first feature that is not uniform."""
     if nodes.uses_nodes(bl_world):
         return nodes.uniform_emission(bl_world.node_tree, _EMITTERS)
@@ -35,7 +54,11 @@ def _radiance(bl_world: Any) -> tuple[nodes.Triple, str | None]:
     return (r, g, b), None
 
 
-def _volume(bl_world: Any) -> str | None:
+def _unsupported(bl_world: Any) -> list[str]:
+    return [f for f in (unmeasurable(bl_world), *_volume(bl_world)) if f]
+
+
+def _volume(bl_world: Any) -> list[str]:
     output = bl_world.node_tree and bl_world.node_tree.get_output_node("CYCLES")
     volume = output and nodes.source(output.inputs["Volume"]).output
-    return "World volume" if volume and nodes.uses_nodes(bl_world) else None
+    return ["World volume"] if volume and nodes.uses_nodes(bl_world) else []

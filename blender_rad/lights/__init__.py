@@ -2,5 +2,6 @@
 """Lights: a file a kind, each with its derivation, units, closed form, sampling and density."""
 
 from ._base import LIGHTS, Light, LightRecord, LightSample, Model, light_from_record
+from ._environment import SkyMap
 
-__all__ = ["LIGHTS", "Light", "LightRecord", "LightSample", "Model", "light_from_record"]
+__all__ = ["LIGHTS", "Light", "LightRecord", "LightSample", "Model", "SkyMap", "light_from_record"]

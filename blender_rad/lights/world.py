@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""World: a uniform sky over and under everything.
+"""World: a sky over and under everything, uniform or by direction.
 
 =================== ======================= ====================================================
 parameter           unit                    meaning
 =================== ======================= ====================================================
 `rgb`               W/(m² sr)               radiance L = strength × colour of the background
+`sky`                                       radiance by direction, over its `scale`
 =================== ======================= ====================================================
 
 Derivation. E = L ∫ cos θ dω over the hemisphere = πL, whatever the normal; sampled with the
@@ -12,7 +13,10 @@ density cos θ/π every sample has the same weight. The radiance is the same in 
 
 Portals, area lights marked as such, guide the samples of a room to its windows: ¾ of them go
 evenly through the portals' solid angles Ωᵢ, so that the density is ¼ cos θ/π + ¾/k Σ [hit i]/Ωᵢ.
-They emit nothing and take nothing away: light that comes in elsewhere still counts.
+They emit nothing and take nothing away: light that comes in elsewhere still counts. Half of the
+samples that are left follow a sky that has no uniform radiance, all of them where it is a window:
+
+    p = Σ share_k p_k  over hemisphere, sky and portals, whichever the sample is from.
 """
 
 from __future__ import annotations
@@ -24,8 +28,10 @@ import numpy as np
 
 from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample
+from ._environment import WHOLE, SkyMap
 
 THROUGH_PORTALS = 0.75  # of the samples
+ALONG_SKY = 0.5  # of the other samples
 SMALLEST_SOLID_ANGLE = 1e-8  # [sr] of a portal that is worth sampling
 
 
@@ -83,61 +89,96 @@ class Portal:
 @LIGHTS.register("WORLD")
 @dataclass(frozen=True, kw_only=True)
 class WorldLight(Light):
-    """A uniform background; `portals` guide its samples."""
+    """A background; `portals` guide its samples.
+
+    Attributes
+    ----------
+    sky : its radiance by direction over `SkyMap.scale` is a factor on `rgb`; None for 1.
+    """
 
     kind: ClassVar[str] = "WORLD"
     portals: tuple[Portal, ...] = ()
+    sky: SkyMap | None = None
 
     def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
-        if self.portals:
-            return self._guided(points, normals, u)
-        wi, cos = geometry.sample_hemisphere(normals, u)
-        pdf = cos / np.pi
-        return LightSample(wi, np.full(len(points), np.inf), 1.0 / pdf, pdf)
+        rest = 1.0 - THROUGH_PORTALS * bool(self.portals)
+        share = rest * (0.0 if self.sky is None else ALONG_SKY if self.sky.half == WHOLE else 1.0)
+        wi, pdf = self._directions(points, normals, u, share)
+        tint, lit = None, pdf > 0.0
+        if self.sky is not None:
+            radiance, density = self.sky.look(wi)
+            tint, lit = radiance / self.sky.scale, radiance.any(axis=1)
+            pdf += share * density
+        weight = np.divide(1.0, pdf, out=np.zeros_like(pdf), where=lit)
+        return LightSample(wi, np.full(len(points), np.inf), weight, pdf, tint)
 
-    def _guided(self, points: Array, normals: Array, u: Array) -> LightSample:
-        """Choose among hemisphere and portals, and weigh by the density of all together."""
-        each = THROUGH_PORTALS / len(self.portals)
-        rest = 1.0 - THROUGH_PORTALS
-        wi, _ = geometry.sample_hemisphere(normals, np.stack([u[:, 0] / rest % 1, u[:, 1]], axis=1))
-        turn = (u[:, 0] - rest) / each
-        chosen = np.floor(turn)  # negative for the hemisphere
-        again = np.stack([turn - chosen, u[:, 1]], axis=1)
+    def _directions(
+        self, points: Array, normals: Array, u: Array, along_sky: float
+    ) -> tuple[Array, Array]:
+        """Return directions among hemisphere, sky and portals, and their density but the sky's."""
+        n = len(points)
+        if self.sky is not None and along_sky == 1.0:
+            return self.sky.sample(u), np.zeros(n)
+        rest = 1.0 - THROUGH_PORTALS * bool(self.portals)
+        share = np.full(n, rest - along_sky)
+        way, second = u.T
+        wi, _ = geometry.sample_hemisphere(normals, np.stack([way / share % 1, second], axis=1))
+        if self.sky is not None:
+            mine = (way >= share) & (way < rest)
+            again = np.stack([(way - share) / along_sky, second], axis=1)
+            wi[mine] = self.sky.sample(again[mine])
+        each = THROUGH_PORTALS / max(len(self.portals), 1)
+        turn = (way - rest) / each
+        chosen = np.floor(turn)
+        again = np.stack([turn - chosen, second], axis=1)
         angles: list[Array] = []
         for number, portal in enumerate(self.portals):
             through, angle = portal.sample(points, again)
             angle[angle < SMALLEST_SOLID_ANGLE] = np.inf
             mine = (chosen == number) & np.isfinite(angle)
             wi[mine] = through[mine]
+            share += each * np.isinf(angle)
             angles.append(angle)
-        cos = geometry.dot(wi, normals)
-        share = 1.0 - each * sum(np.isfinite(angle) for angle in angles)
-        pdf = share * np.maximum(cos, 0.0) / np.pi
+        pdf = share * np.maximum(geometry.dot(wi, normals), 0.0) / np.pi
         for portal, angle in zip(self.portals, angles, strict=True):
             pdf += each * portal.hit(points, wi) / angle
-        weight = np.divide(1.0, pdf, out=np.zeros_like(pdf), where=pdf > 0.0)
-        return LightSample(wi, np.full(len(points), np.inf), weight, pdf)
+        return wi, pdf
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
-        """Return π, and None where portals say that hardly any of it arrives."""
-        return None if self.portals else np.full(len(points), np.pi)
+        """Return π of a uniform sky, None where portals say that hardly any of it arrives."""
+        return None if self.portals or self.sky else np.full(len(points), np.pi)
 
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:
-        n = len(origins)
-        return np.full(n, np.inf), np.ones(n)
+        far = np.full(len(origins), np.inf)
+        if self.sky is None:
+            return far, np.ones(len(origins))
+        return far, self.sky.look(directions)[0] / self.sky.scale
 
     def radiant_flux(self) -> Array:
         return np.full(3, np.nan)
 
     def peak_radiance(self) -> Array:
-        return self.rgb
+        return self.rgb if self.sky is None else self.rgb * self.sky.peak / self.sky.scale
 
     def facing_irradiance(self) -> Array:
-        return self.rgb * np.pi
+        """Return E (3,) [W/m²] on any surface, under a sky by direction on one that looks up."""
+        if self.sky is None:
+            return self.rgb * np.pi
+        return self.rgb * self.sky.irradiance(np.array([0.0, 0.0, 1.0])) / self.sky.scale
 
     @classmethod
     def examples(cls) -> list[Light]:
         rgb = np.array([0.3, 0.4, 0.5])
         centers = np.array([[-1.4, -0.1, 0.8], [-0.2, -0.1, 0.8]])
-        windows = [Portal(center, np.eye(3), np.array([0.4, 0.7])) for center in centers]
-        return [cls(name="World", rgb=rgb), cls(name="room", rgb=rgb, portals=tuple(windows))]
+        windows = tuple(Portal(center, np.eye(3), np.array([0.4, 0.7])) for center in centers)
+        texels = np.linspace(0.2, 3.0, 24 * 32 * 3, dtype=np.float32).reshape(24, 32, 3)
+        texels[4:6, 2:4] = 40.0
+        turn = np.array([[0.8, 0.0, -0.6], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]])
+        disc = np.pad(texels[:8, :8], ((1, 1), (1, 1), (0, 0)))
+        return [
+            cls(name="World", rgb=rgb),
+            cls(name="room", rgb=rgb, portals=windows),
+            cls(name="sky", rgb=rgb, sky=SkyMap(texels, turn)),
+            cls(name="sky-room", rgb=rgb, sky=SkyMap(texels, turn), portals=windows),
+            cls(name="disc", rgb=rgb, sky=SkyMap(disc, np.roll(turn, 1, axis=0), (0.4, 0.3))),
+        ]

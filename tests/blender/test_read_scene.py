@@ -302,11 +302,11 @@ def test_worlds() -> None:
     assert found.radiance == (2, 4, 1)
     assert (found.known, found.visible_camera, found.visible_diffuse) == (True, True, False)
     tree = made.node_tree
-    noise = node(tree, "ShaderNodeTexNoise")
-    tree.links.new(noise.outputs[0], tree.nodes["Background"].inputs["Color"])
+    path = node(tree, "ShaderNodeLightPath")
+    tree.links.new(path.outputs[0], tree.nodes["Background"].inputs["Color"])
     scene = read()
     assert not scene.world.known
-    assert ("world", "World", "Background") in features(scene)
+    assert ("world", "World", "Light Path") in features(scene)
 
 
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="worlds and materials always have nodes")

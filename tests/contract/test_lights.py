@@ -29,6 +29,7 @@ SIDE = 64  # stratified samples a side
 QUADRATURE = 1e-4  # of the far sphere: stratified, with a kink where a face is seen edge-on
 FAR = 200.0  # [bu], against lights of half a bu: what is left of their size is below 2e-5
 PEAK = 2e-3  # of the directions looked into, one is this close to the greatest
+SUM = 0.005  # over coarse texels, in place of what is bilinear between them
 ROUNDING = 1e-9
 
 
@@ -55,6 +56,11 @@ def far_sphere(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     r = np.sqrt(1.0 - z * z)
     outward = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=1)
     return FAR * outward + [0.2, -0.1, 1.5], outward
+
+
+def tinted(sample: LightSample, values: np.ndarray) -> np.ndarray:
+    """Return `values` (n,) of samples in colour, (n, 3), over the light's rgb."""
+    return values[:, None] * (np.ones(3) if sample.tint is None else sample.tint)
 
 
 def estimate(light: Light, point, normal, u) -> tuple[float, float]:
@@ -126,10 +132,17 @@ def test_far_sphere_shows_the_peaks(light: Light, rng: np.random.Generator) -> N
     u = np.append(centred, rng.random((len(points) - 2, 2)), axis=0)
     sample = light.sample(points, -outward, u)
     if not light.is_delta:
-        seen = float(np.max(sample.weight * sample.pdf))
+        seen = tinted(sample, sample.weight * sample.pdf).max(axis=0)
         assert np.allclose(light.peak_radiance(), light.rgb * seen, rtol=PEAK)
     facing = np.max(sample.weight * np.maximum(-np.einsum("ij,ij->i", sample.wi, outward), 0.0))
-    if light.kind in ('SUN', 'WORLD'):
+    if getattr(light, "sky", None):
+        up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+        sample = light.sample(points, up, strata(rng, 192))
+        values = tinted(sample, sample.weight * np.maximum(sample.wi[:, 2], 0.0))
+        error = light.rgb * values.std(axis=0) / np.sqrt(len(values))
+        off = light.rgb * values.mean(axis=0) - light.facing_irradiance()
+        assert (np.abs(off) < SIGMAS * error + light.facing_irradiance() * SUM).all()
+    elif light.kind in ('SUN', 'WORLD'):
         exact = light.irradiance(points[:1], -outward[:1])
         whole = np.pi if exact is None else exact[0]  # None: a sky with portals
         assert np.allclose(light.facing_irradiance(), light.rgb * whole)
@@ -142,8 +155,8 @@ def test_far_sphere_shows_the_peaks(light: Light, rng: np.random.Generator) -> N
 @pytest.mark.parametrize("light", LIGHT_LIST)
 def test_directions_follow_their_density(light: Light, rng: np.random.Generator) -> None:
     """In every cell of directions 1/pdf averages to its lit solid angle: chi squared over cells."""
-    if light.is_delta:
-        pytest.skip("a single direction")
+    if light.is_delta or light.name == "disc":
+        pytest.skip("a single direction; 1/pdf without a mean square, see the unit tests")
     n, side, cells = 30_000, 384, 8
     point, normal = np.array([-0.8, -0.1, 0.1]), np.array([0.0, 0.0, 1.0])
     sample = light.sample(np.tile(point, (n, 1)), np.tile(normal, (n, 1)), rng.random((n, 2)))
@@ -163,7 +176,8 @@ def test_directions_follow_their_density(light: Light, rng: np.random.Generator)
     sin = np.sqrt(1.0 - cos * cos)
     uniform = np.stack([cos, sin * np.cos(phi), sin * np.sin(phi)], axis=1) @ frame
     _, radiance = light.intersect(np.tile(point, (side**2, 1)), uniform)
-    share = in_cells(uniform, (radiance > 0.0).astype(float)) / side**2
+    bright = (radiance.reshape(side**2, -1) > 0.0).any(axis=1)
+    share = in_cells(uniform, bright.astype(float)) / side**2
     solid_angle = 2.0 * np.pi * widest
     expected, measured = solid_angle * share, in_cells(wi, inverse) / n
     variance = (in_cells(wi, inverse**2) / n - measured**2) / n
@@ -196,9 +210,10 @@ def test_rays_find_what_was_sampled(light: Light, rng: np.random.Generator) -> N
     lit = sample.weight > 0.0
     first = seen_first(light, points, sample)
     assert light.kind == 'MESH' or np.all(first[lit])
-    same = lit & first & (radiance > 0.0)
+    radiance = np.broadcast_to(radiance.reshape(4000, -1), (4000, 3))
+    same = lit & first & (radiance > 0.0).any(axis=1)
     assert same.sum() >= 0.999 * (lit & first).sum()  # rounding may lose a ray to an outline
-    assert np.allclose(radiance[same], (sample.weight * sample.pdf)[same], rtol=1e-7)
+    assert np.allclose(radiance[same], tinted(sample, sample.weight * sample.pdf)[same], rtol=1e-7)
     assert np.allclose(distance[same], sample.distance[same], rtol=1e-7)
     away, dark = light.intersect(points, -sample.wi)
     assert light.kind in ('WORLD', 'SUN') or np.all(np.isfinite(away[dark > 0.0]))

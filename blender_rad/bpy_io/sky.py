@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A world's radiance by direction, as its node tree gives it: data of the scene, not light.
+
+A copy of the world alone is shown to a panoramic camera of Cycles, the only one that knows every
+node, with a ray through the middle of each pixel. An image stands in the map texel on texel, the
+camera turned as its Mapping node turns it; then both are bilinear between the same values. The
+discs that Sky Textures have for suns are taken out of the sky and measured apart, close up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Euler, Matrix, Vector
+from numpy.typing import NDArray
+
+from ..lights import SkyMap
+from ..lights._environment import WHOLE
+from . import nodes
+from .witness import CyclesWitness
+
+Look = Callable[..., NDArray[np.float32]]
+
+WIDTH, WIDEST = 2048, 8192  # of a map, in texels
+DISC = 256  # texels across a sun
+MARGIN = 1.05  # around it
+_AS_IT_IS = {"Background", "TexEnvironment", "TexCoord", "Mapping", "Value", "RGB"}
+# From the map's axes, x ahead and z up, to those of a Blender camera, which looks along its -z.
+_CAMERA_FROM_MAP = Matrix(((0, -1, 0), (0, 0, 1), (-1, 0, 0)))
+_BEYOND_DIRECTION = {
+    ("ShaderNodeLightPath", ""): "Light Path",
+    ("ShaderNodeCameraData", ""): "Camera Data",
+    ("ShaderNodeScript", ""): "Script",
+    ("ShaderNodeTexCoord", "Camera"): "Camera coordinates",
+    ("ShaderNodeTexCoord", "Window"): "Window coordinates",
+}
+
+
+def unmeasurable(bl_world: Any) -> str | None:
+    """Return what in the world's nodes cannot be had by looking in all directions."""
+    for output, _ in _behind(bl_world):
+        for name in ("", output.name):
+            if known := _BEYOND_DIRECTION.get((output.node.bl_idname, name)):
+                return known
+    return None
+
+
+def measure_sky(bl_world: Any, frame: tuple[int, float]) -> tuple[SkyMap, ...]:
+    """Return maps whose sum is the radiance of `bl_world` at a frame and subframe."""
+    with _stage(bl_world, frame) as (world, look):
+        textures = {o.node.as_pointer(): (o.node, turn) for o, turn in _behind(world)}.values()
+        discs = [node for node, _ in textures if _has_disc(node)]
+        for sky in discs:
+            sky.sun_disc = False
+        try:
+            return (_whole(look, list(textures)), *(_disc(look, sky) for sky in discs))
+        finally:  # node groups are not the copy's own
+            for sky in discs:
+                sky.sun_disc = True
+
+
+def _has_disc(node: Any) -> bool:
+    """Tell whether it draws a sun: such a Sky Texture takes no coordinates."""
+    models = ("PREETHAM", "HOSEK_WILKIE")
+    return getattr(node, "sun_disc", False) and node.sky_type not in models
+
+
+def _whole(look: Look, textures: list[tuple[Any, Matrix | None]]) -> SkyMap:
+    """Return the map of all directions, as fine as the finest image."""
+    images = [(*n.image.size, n, turn) for n, turn in textures if getattr(n, "image", None)]
+    width, height, node, turn = max(images, default=(0, 0, None, None), key=lambda i: i[0])
+    turns = [other for *_, other in images]
+    if turn and turns.count(turn) == len(turns) and node.projection == 'EQUIRECTANGULAR':
+        kinds = {n.bl_idname.removeprefix("ShaderNode") for n, _ in textures}
+        finer = 1 if kinds <= _AS_IT_IS else math.ceil(WIDTH / width) | 1  # odd: texels stay
+        size = (finer * width, finer * height)
+    else:
+        width, turn = max(2 * width, 4 * height, WIDTH), Matrix.Identity(3)
+        size = (width, width // 2)
+    coarser = math.ceil(size[0] / WIDEST)
+    size = (size[0] // coarser, size[1] // coarser)
+    return SkyMap(look(turn, WHOLE, size, coarser**2), np.array(turn))
+
+
+def _disc(look: Look, sky: Any) -> SkyMap:
+    """Return the window of a Sky Texture's sun with nothing but the sun in it."""
+    up, across = math.sin(sky.sun_elevation), math.cos(sky.sun_elevation)
+    sun = Vector((across * math.sin(sky.sun_rotation), across * math.cos(sky.sun_rotation), up))
+    axes = sun.to_track_quat('X', 'Z').to_matrix().transposed()
+    half = MARGIN * 0.5 * sky.sun_size
+    without = look(axes, (half, half), (DISC, DISC))
+    sky.sun_disc = True
+    disc = look(axes, (half, half), (DISC, DISC)) - without
+    sky.sun_disc = False
+    return SkyMap(disc, np.array(axes), (half, half))
+
+
+@contextmanager
+def _stage(bl_world: Any, frame: tuple[int, float]) -> Generator[tuple[Any, Look]]:
+    """Give a copy of the world, alone in a scene, and what renders it."""
+    data: Any = bpy.data
+    scene, camera, world = data.scenes.new("Sky"), data.cameras.new("Sky"), bl_world.copy()
+    scene.camera = eye = data.objects.new("Sky", camera)
+    scene.collection.objects.link(eye)
+    scene.world = world
+    scene.frame_set(frame[0], subframe=frame[1])
+    world.cycles.sampling_method, world.cycles_visibility.camera = 'NONE', True
+    camera.type, camera.panorama_type = 'PANO', 'EQUIRECTANGULAR'
+
+    def look(
+        axes: Matrix, half: tuple[float, float], size: tuple[int, int], samples: int = 1
+    ) -> NDArray[np.float32]:
+        camera.longitude_min, camera.longitude_max = -half[0], half[0]
+        camera.latitude_min, camera.latitude_max = -half[1], half[1]
+        eye.matrix_world = (_CAMERA_FROM_MAP @ axes).transposed().to_4x4()
+        cycles = CyclesWitness(scene, resolution=size)
+        cycles.prepare()
+        scene.render.use_persistent_data = False
+        if samples == 1:
+            scene.cycles.pixel_filter_type, scene.cycles.filter_width = 'GAUSSIAN', 0.01
+        return cycles.render(0, samples)[..., :3].copy()
+
+    try:
+        yield world, look
+    finally:
+        data.scenes.remove(scene)
+        data.objects.remove(eye)
+        data.cameras.remove(camera)
+        data.worlds.remove(world)
+
+
+def _behind(bl_world: Any) -> Iterator[tuple[Any, Matrix | None]]:
+    """Yield each output that feeds the surface, with how its node's coordinates are turned."""
+    output = bl_world.node_tree.get_output_node("CYCLES")
+    waiting: list[tuple[Any, nodes.Groups]] = [(output.inputs["Surface"], ())] if output else []
+    seen: set[tuple[int, str, int]] = set()
+    while waiting:
+        found = nodes.source(*waiting.pop())
+        output, groups = found.output, found.groups
+        if output is None:
+            continue
+        key = (output.node.as_pointer(), output.identifier, len(groups))
+        if key not in seen:
+            seen.add(key)
+            vector = output.node.inputs.get("Vector")
+            yield output, _turn(vector, groups) if vector else Matrix.Identity(3)
+            waiting += [(socket, groups) for socket in output.node.inputs]
+
+
+def _turn(vector: Any, groups: nodes.Groups) -> Matrix | None:
+    """Return the rotation from directions to a texture's coordinates, None where it is more."""
+    found = nodes.source(vector, groups)
+    if found.output is None:
+        return Matrix.Identity(3)
+    node, groups = found.output.node, found.groups
+    if (node.bl_idname, found.output.name) == ("ShaderNodeTexCoord", "Generated"):
+        return Matrix.Identity(3)
+    if node.bl_idname != "ShaderNodeMapping":
+        return None
+    before = _turn(node.inputs["Vector"], groups)
+    constant = [nodes.source(node.inputs[name], groups) for name in ("Rotation", "Scale")]
+    if before is None or any(found.output for found in constant):
+        return None
+    rotation, scale = (found.socket.default_value for found in constant)
+    place = node.inputs["Location"]
+    if tuple(scale) != (1, 1, 1) or (place.enabled and (place.is_linked or any(place.default_value))):
+        return None
+    turn = Euler(rotation).to_matrix()
+    return (turn.transposed() if node.vector_type == 'TEXTURE' else turn) @ before

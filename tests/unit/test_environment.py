@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Skies by direction: samples against their density, and light of great contrast kept whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blender_rad.lights import SkyMap
+from blender_rad.lights._environment import WHOLE
+from blender_rad.lights.world import WorldLight
+
+TURN = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+CONTRAST = 1e5
+
+
+def sky_with_sun(half: tuple[float, float]) -> SkyMap:
+    """Noise from 0 to 1 with one texel of great contrast, dark at its edges."""
+    texels = np.random.default_rng(3).random((16, 32, 3), dtype=np.float32)
+    texels[5, 9] = CONTRAST * np.array([1.0, 0.8, 0.6])
+    texels[[0, -1]] = texels[:, [0, -1]] = 0.0
+    return SkyMap(texels, TURN, half)
+
+
+def directions(sky: SkyMap, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the centres (n² 2, 3) of fine cells of the map and their solid angles."""
+    a, b = sky.half
+    azimuth = a * (1.0 - (np.arange(2 * n) + 0.5) / n)
+    elevation = b * (1.0 - 2.0 * (np.arange(n) + 0.5) / n)
+    e, f = (grid.ravel() for grid in np.meshgrid(elevation, azimuth, indexing="ij"))
+    local = np.stack([np.cos(e) * np.cos(f), np.cos(e) * np.sin(f), np.sin(e)], axis=1)
+    return local @ TURN, np.cos(e) * (a / n) * (2.0 * b / n)
+
+
+@pytest.mark.parametrize("half", [WHOLE, (0.05, 0.04)])
+def test_samples_fall_as_their_density_says(
+    half: tuple[float, float], rng: np.random.Generator
+) -> None:
+    sky, n = sky_with_sun(half), 320
+    wi, solid_angle = directions(sky, n)
+    share = (sky.look(wi)[1] * solid_angle).reshape(16, n // 16, 32, n // 16).sum(axis=(1, 3))
+    assert share.sum() == pytest.approx(1.0, abs=1e-4)
+    found = sky.sample(rng.random((200_000, 2)))
+    x, y, z = TURN @ found.T
+    assert np.allclose(np.linalg.norm(found, axis=1), 1.0)
+    row = np.floor(8.0 * (1.0 - np.arcsin(z) / half[1])).astype(int)
+    column = np.floor(16.0 * (1.0 - np.arctan2(y, x) / half[0])).astype(int)
+    counts = np.histogram2d(row, column, (16, 32), ((0, 16), (0, 32)))[0]
+    expected = 200_000 * share
+    filled = expected > 5.0
+    chi_squared = np.sum((counts - expected)[filled] ** 2 / expected[filled])
+    assert counts[~filled].sum() < 2.0 * expected[~filled].sum() + 20.0
+    assert chi_squared < filled.sum() + 5.0 * np.sqrt(2.0 * filled.sum())
+
+
+@pytest.mark.parametrize("half", [WHOLE, (0.05, 0.04)])
+def test_a_sun_of_one_texel_arrives_without_noise(half: tuple[float, float]) -> None:
+    """Bilinear between texels it holds what one of them does: L ΔΩ cos θ."""
+    sky = sky_with_sun(half)
+    light = WorldLight(name="World", rgb=np.full(3, sky.scale), sky=sky)
+    wi, solid_angle = directions(sky, 640)
+    radiance, _ = sky.look(wi)
+    sun = wi[np.argmax(radiance.sum(axis=1))]
+    exact = (radiance * (np.maximum(wi @ sun, 0.0) * solid_angle)[:, None]).sum(axis=0)
+    assert sky.irradiance(sun) == pytest.approx(exact, rel=0.02)
+    n = 4096
+    u = np.stack([np.arange(n) / n, np.arange(n) * 0.6180339887 % 1.0], axis=1)
+    sample = light.sample(np.zeros((n, 3)), np.tile(sun, (n, 1)), u)
+    assert sample.tint is not None
+    each = sample.weight * np.maximum(sample.wi @ sun, 0.0)
+    values = light.rgb * each[:, None] * sample.tint
+    assert values.mean(axis=0) == pytest.approx(exact, rel=2e-3)
+    assert values.std() < 1.1 * values.mean()  # half of them may be spent on the hemisphere
