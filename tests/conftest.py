@@ -8,14 +8,21 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+HAS_BLENDER = find_spec("bpy") is not None
+collect_ignore_glob = [] if HAS_BLENDER else ["blender/test_*.py"]
+
+
+def pytest_report_header() -> str:
+    return "bpy: " + ("found" if HAS_BLENDER else "not found, so nothing of it is tested")
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip what needs Blender where there is none."""
-    if find_spec("bpy") is None:
-        reason = pytest.mark.skip(reason="needs bpy: pip install '.[bpy]'")
-        for item in items:
-            if item.get_closest_marker("blender"):
-                item.add_marker(reason)
+    """Mark what is in `blender`, and skip what needs Blender where there is none."""
+    for item in items:
+        if item.path.parent.name == "blender":
+            item.add_marker(pytest.mark.blender)
+        if not HAS_BLENDER and item.get_closest_marker("blender"):
+            item.add_marker(pytest.mark.skip(reason="needs bpy: pip install '.[bpy]'"))
 
 
 @pytest.fixture

@@ -5,10 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-pytestmark = pytest.mark.blender
-pytest.importorskip("bpy")
-
-from tests.nightly import calibration, calibration_scene  # noqa: E402
+from tests.nightly import calibration, calibration_scene
 
 TRIALS = 3  # of two comparisons each
 

@@ -6,14 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.coincidence import coincident_faces, left_out
+from blender_rad.direct import DirectLight
 
-from blender_rad.coincidence import coincident_faces, left_out  # noqa: E402
-from blender_rad.direct import DirectLight  # noqa: E402
-
-from .agreement import both_sides, lamp, look_at  # noqa: E402
-from .reading import SQUARE, add, empty_scene, polygons  # noqa: E402
+from .agreement import both_sides, lamp, look_at
+from .reading import SQUARE, add, empty_scene, polygons
 
 OFF = 0.05  # relative, of a pixel
 

@@ -12,15 +12,13 @@ import time
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+import blender_rad
 
-import blender_rad  # noqa: E402
-
-from .promised import (  # noqa: E402
+from .promised import (
     ALBEDO,
     HEIGHT,
     WIDTH,

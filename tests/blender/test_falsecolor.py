@@ -11,19 +11,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.bpy_io.quiet import quiet_stdout
+from blender_rad.commands import COMMANDS
+from blender_rad.photometry.falsecolor import read_map
+from blender_rad.working_space import REC709, luminance_weights
 
-from blender_rad.bpy_io.quiet import quiet_stdout  # noqa: E402
-from blender_rad.commands import COMMANDS  # noqa: E402
-from blender_rad.photometry.falsecolor import read_map  # noqa: E402
-from blender_rad.working_space import REC709, luminance_weights  # noqa: E402
-
-from .agreement import look_at  # noqa: E402
-from .reading import empty_scene, material  # noqa: E402
+from .agreement import look_at
+from .reading import empty_scene, material
 
 EMISSION, ALBEDO = np.array([1.0, 2.0, 0.5]), np.array([0.2, 0.5, 0.8])
 RADIANCE = EMISSION / (1 - ALBEDO)

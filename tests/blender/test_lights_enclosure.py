@@ -12,15 +12,13 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
-
-import blender_rad  # noqa: E402
-from blender_rad.bpy_io.quiet import quiet_stdout  # noqa: E402
-from tests.blender import reading  # noqa: E402
+import blender_rad
+from blender_rad.bpy_io.quiet import quiet_stdout
+from tests.blender import reading
 
 HALF = 5.0  # of the box [bu]
 SIZE, SAMPLES = (192, 96), 16

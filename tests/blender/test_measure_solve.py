@@ -7,16 +7,14 @@ import math
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+import blender_rad
+from tests.blender.reading import material
 
-import blender_rad  # noqa: E402
-from tests.blender.reading import material  # noqa: E402
-
-from .promised import (  # noqa: E402
+from .promised import (
     exr,
     inside,
     link,

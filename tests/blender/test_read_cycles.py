@@ -7,16 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.scene import Scene
 
-from blender_rad.bpy_io.read import read_scene  # noqa: E402
-from blender_rad.scene import Scene  # noqa: E402
-
-from .reading import (  # noqa: E402
+from .reading import (
     SQUARE,
     add,
     camera,

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import bpy
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.bpy_io.materials import read_material, surface_of
+from blender_rad.scene import CLAY_ALBEDO, Material
 
-from blender_rad.bpy_io.materials import read_material, surface_of  # noqa: E402
-from blender_rad.scene import CLAY_ALBEDO, Material  # noqa: E402
-
-from .reading import empty_scene, material, node  # noqa: E402
+from .reading import empty_scene, material, node
 
 CLAY = (CLAY_ALBEDO,) * 3
 RED = (0.8, 0.2, 0.1, 1)

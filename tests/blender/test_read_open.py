@@ -8,16 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bpy
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.bpy_io.open import open_scene
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.errors import RadError
 
-from blender_rad.bpy_io.open import open_scene  # noqa: E402
-from blender_rad.bpy_io.read import read_scene  # noqa: E402
-from blender_rad.errors import RadError  # noqa: E402
-
-from .reading import SQUARE, add, camera, empty_scene, polygons  # noqa: E402
+from .reading import SQUARE, add, camera, empty_scene, polygons
 
 
 def saved(path: Path) -> Path:

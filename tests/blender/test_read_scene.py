@@ -6,16 +6,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.scene import Mesh, Scene, Unsupported
 
-from blender_rad.bpy_io.read import read_scene  # noqa: E402
-from blender_rad.scene import Mesh, Scene, Unsupported  # noqa: E402
-
-from .reading import (  # noqa: E402
+from .reading import (
     CUBE,
     SQUARE,
     add,

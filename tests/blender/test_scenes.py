@@ -9,17 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
-
-from blender_rad.bpy_io.open import open_scene  # noqa: E402
-from blender_rad.bpy_io.read import read_scene  # noqa: E402
-from blender_rad.bpy_io.witness import CyclesWitness  # noqa: E402
-from blender_rad.rendering import Settings, render  # noqa: E402
-from blender_rad.scene import Camera, Scene  # noqa: E402
+from blender_rad.bpy_io.open import open_scene
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.bpy_io.witness import CyclesWitness
+from blender_rad.rendering import Settings, render
+from blender_rad.scene import Camera, Scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 NAMES = ("lecture_point", "studio", "office", "hundred")

@@ -7,15 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
-from blender_rad.rendering import Settings, render  # noqa: E402
+from blender_rad.rendering import Settings, render
 
-from .agreement import Sides, both_sides, lamp, look_at  # noqa: E402
-from .reading import add, empty_scene, material, sphere  # noqa: E402
+from .agreement import Sides, both_sides, lamp, look_at
+from .reading import add, empty_scene, material, sphere
 
 TOLERANCE = 0.005
 LIGHTS: dict[str, dict[str, Any]] = {
