@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+BLOCK = 16384  # pixels worked off at a time, so that arrays stay near the processor
 
 
 class Batch:
@@ -15,13 +19,17 @@ class Batch:
 
     Attributes
     ----------
-    rows : (p,) pixels; there are `each` samples of each.
+    rows : (p,) pixels; there are `each` samples of each. Where they follow each other `span` is
+        the slice of them, which is faster; else it is `rows`.
     hits : (k,) samples that met a surface.
     weight : (samples, 3) what surfaces in front let pass; None where there are none.
     """
 
     def __init__(self, rows: Ints, each: int, hits: Ints, weight: Floats | None = None) -> None:
         self.rows, self.each, self.hits, self.weight = rows, each, hits, weight
+        first, last = int(rows[0]), int(rows[-1]) + 1
+        in_turn = last - first == len(rows) and bool(np.all(rows[1:] > rows[:-1]))
+        self.span = slice(first, last) if in_turn else rows
         self.count = len(rows) * each
         self.pixel_of_hit = hits // each
 
@@ -47,21 +55,28 @@ class Batch:
         parts = self.by_pixel(values)
         return sum((parts[:, k] for k in range(1, self.each)), parts[:, 0])
 
+    def add(self, values: Floats, sums: NDArray[Any]) -> None:
+        """Add `values` (pixels, ...) to the pixels of `sums` (n, ...)."""
+        for column, own in zip(sums.T, values.T, strict=True):
+            column[self.span] += own
+
 
 class Pixels:
     """What accumulates for the pixels inside the border; a row a pixel.
 
-    Batches of one round touch different rows, so threads need no lock.
+    Batches of one round touch different rows, so threads need no lock. Channels lie one after the
+    other.
     """
 
     def __init__(self, layers: int, count: int, streams: int) -> None:
-        self.streams = np.zeros((streams, count, 3))
+        def zeros(*shape: int, kind: type[np.floating[Any]] = np.float64) -> NDArray[Any]:
+            return np.zeros((*shape, 3, count), dtype=kind).swapaxes(-1, -2)
+
+        self.streams = zeros(streams)
         self.taken = np.zeros(count, dtype=np.int64)
-        self.lights = np.zeros((2, layers, count, 3), dtype=np.float32)  # by half of the streams
-        self.shown = np.zeros((layers, count, 3), dtype=np.float32)  # of `seen`
-        self.seen = np.zeros((count, 3))
-        self.irradiance = np.zeros((count, 3))
-        self.normal = np.zeros((count, 3))
+        self.lights = zeros(2, layers, kind=np.float32)  # by half of the streams
+        self.shown = zeros(layers, kind=np.float32)  # of `seen`
+        self.seen, self.irradiance, self.normal = zeros(), zeros(), zeros()
         self.alpha = np.zeros(count)
         self.depth = np.full(count, np.inf)
 
@@ -82,25 +97,28 @@ class Pixels:
 
         A single sample tells nothing of its error, which is then taken to be all of the value.
         """
-        count = len(self.streams)
-        each = [(self.taken + count - 1 - number) // count for number in range(count)]
-        taken = _by_channel(np.maximum(self.taken, 1))
-        mean = self.streams[0] / taken
-        for total in self.streams[1:]:
-            mean += total / taken
-        spread = np.zeros_like(mean)
-        for total, number in zip(self.streams, map(_by_channel, each), strict=True):
-            own = total / np.maximum(number, 1.0)
-            own -= mean
-            own *= own
-            own *= number
-            spread += own
-        spread /= np.maximum(np.minimum(taken, count) - 1.0, 1.0) * taken
-        alone = self.taken < 2
-        spread[alone] = mean[alone] ** 2
-        return mean, spread
+        mean, variance = np.empty_like(self.normal), np.empty_like(self.normal)
+        for first in range(0, len(mean), BLOCK):
+            rows = slice(first, first + BLOCK)
+            mean[rows], variance[rows] = _moments(self.streams[:, rows], self.taken[rows])
+        return mean, variance
 
 
-def _by_channel(values: Ints) -> Floats:
-    """Return `values` (n,) thrice, (n, 3): faster in a sum than a short axis to spread over."""
-    return np.repeat(values.astype(float), 3).reshape(-1, 3)
+def _moments(streams: Floats, samples: Ints) -> tuple[Floats, Floats]:
+    """Return what `Pixels.radiance` does, of the sums (streams, n, 3) of `samples` (n,)."""
+    count = len(streams)
+    taken = np.maximum(samples, 1)[:, None]
+    mean = sum(streams[1:], start=streams[0]) / taken
+    variance = np.zeros_like(mean)
+    for number, total in enumerate(streams):
+        each = ((samples + count - 1 - number) // count)[:, None]
+        own = total / np.maximum(each, 1)
+        own -= mean
+        own *= own
+        own *= each
+        variance += own
+    variance /= np.maximum(np.minimum(taken, count) - 1, 1) * taken
+    alone = samples < 2
+    if alone.any():
+        variance[alone] = mean[alone] ** 2
+    return mean, variance

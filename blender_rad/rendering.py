@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import reduce
 from typing import TypeVar
 
 import numpy as np
@@ -29,7 +30,7 @@ from .film import Film, neighbourhood_mean
 from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Scene, Unsupported
-from .surfaces import Surface, dot
+from .surfaces import Surface, dot, normalized, pick
 from .transparency import shaded_layers
 
 Floats = NDArray[np.float64]
@@ -40,7 +41,7 @@ Arrived = Callable[[Callable[[], Film]], None]  # given what develops the film s
 T = TypeVar("T", bound=np.generic)
 
 STREAMS = 2  # the fewest that tell of a spread: points spread the more evenly, the longer a stream
-BATCH = 16384  # camera samples worked off at a time, so that arrays stay near the processor
+BATCH = 20480  # camera samples worked off at a time, so that arrays stay near the processor
 MAX_SAMPLES = MAX_POINTS
 ANOTHER_SEED = 0x10001  # between surfaces behind each other
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
@@ -165,7 +166,9 @@ class _Run:
             wanted, share = self._wanted_steps(error)
             if not wanted.any():
                 break
-            rows = np.argsort(-wanted, kind="stable")[: np.count_nonzero(wanted)]
+            rows = np.flatnonzero(wanted)
+            most_first = np.argsort(-wanted[rows].astype(np.int16), kind="stable")  # by radix
+            rows = rows[most_first]
             self._round(pool, rows, STREAMS, (share, share), wanted[rows])
 
     def _wanted_steps(self, error: float) -> tuple[Ints, float]:
@@ -224,12 +227,11 @@ class _Run:
     # --- one batch ----------------------------------------------------------------------------
 
     def _trace(self, rows: Ints, count: int) -> None:
-        """Take the next `count` samples, up to `STREAMS`, of the pixels `rows` (p,)."""
-        sums = self.sums
-        stream = (sums.taken[rows, None] + np.arange(count)) % STREAMS
-        seen = self._look(rows, count)
-        sums.streams[stream, rows[:, None]] += seen.reshape(len(rows), count, 3)
-        sums.taken[rows] += count
+        """Take the next `count` samples, a whole step of `STREAMS` or the last, of `rows` (p,)."""
+        batch, seen = self._look(rows, count)
+        for stream in range(count):
+            batch.add(batch.by_pixel(seen)[:, stream], self.sums.streams[stream])
+        self.sums.taken[batch.span] += count
 
     def _look(
         self,
@@ -238,14 +240,14 @@ class _Run:
         rays: CameraRays | None = None,
         weight: Floats | None = None,
         passed: int = 0,
-    ) -> Floats:
+    ) -> tuple[Batch, Floats]:
         """Return what the next samples see (samples, 3), in view or along `rays`.
 
         The rays have `passed` transparent surfaces, which let `weight` (samples, 3) of it pass.
         """
         pixel = np.repeat(self.place[rows], count)
-        number = self.sums.taken[rows, None] + np.arange(count)
-        index, stream = (part.reshape(-1) for part in np.divmod(number, STREAMS))
+        index = np.repeat(self.sums.taken[rows] // STREAMS, count)
+        stream = np.tile(np.arange(count), len(rows))
         uniform = Points(pixel, stream, index, self.settings.seed + passed * ANOTHER_SEED)
         if rays is None:
             where = self._positions(pixel, uniform.pair(0))
@@ -255,15 +257,17 @@ class _Run:
         batch = Batch(rows, count, np.flatnonzero(met), weight)
         radiance = self._background(batch, rays, met, hits.distance)
         if len(batch.hits):
-            directions = rays.directions.take(batch.hits, axis=0)
+            directions = pick(rays.directions, batch.hits)
             surface = self.light.geometry.surface(hits.take(batch.hits), directions)
-            radiance += batch.spread(self._surfaces(batch, surface))
+            leaving = self._surfaces(batch, surface)
             if passed < self.shaded:
                 share = self.sightings.of(rows[batch.pixel_of_hit], stream.take(batch.hits))
-                radiance += batch.spread(self._reflected(batch, surface, share, uniform, passed))
-                if self.light.transmission.seen_through:
-                    self._look_through(batch, surface, rays, passed, radiance)
-        return radiance
+                points = uniform.take(batch.hits)
+                leaving += self._reflected(batch, surface, share, points, passed)
+            radiance += batch.spread(leaving)
+            if passed < self.shaded and self.light.transmission.seen_through:
+                self._look_through(batch, surface, rays, passed, radiance)
+        return batch, radiance
 
     def _look_through(
         self, batch: Batch, surface: Surface, rays: CameraRays, passed: int, radiance: Floats
@@ -285,21 +289,24 @@ class _Run:
         further = CameraRays(*(part.take(samples, axis=0) for part in (origins, rays[1], reach)))
         share = share.take(samples, axis=0)
         weight = share if batch.weight is None else share * batch.weight.take(samples, axis=0)
-        behind = self._look(batch.rows[pixels], batch.each, further, weight, passed + 1)
+        _, behind = self._look(batch.rows[pixels], batch.each, further, weight, passed + 1)
         radiance[samples] += share * behind
 
     def _surfaces(self, batch: Batch, surface: Surface) -> Floats:
         """Return the emission (k, 3) that is seen; note normals, depth and what is excluded."""
-        sums, rows = self.sums, batch.rows
+        sums, span = self.sums, batch.span
         if batch.weight is None:
-            sums.normal[rows] += batch.total(batch.spread(surface.normal))
+            batch.add(batch.total(batch.spread(surface.normal)), sums.normal)
             depth = np.full(batch.count, np.inf)
             depth[batch.hits] = view_depth(self.camera, surface.point)
-            sums.depth[rows] = np.minimum(sums.depth[rows], batch.by_pixel(depth).min(axis=1))
-        for material in np.flatnonzero(np.bincount(surface.material)):
+            sums.depth[span] = reduce(np.minimum, batch.by_pixel(depth).T, sums.depth[span])
+        materials = np.flatnonzero(np.bincount(surface.material))
+        for material in materials:
             for cause in self.unsupported[material]:
                 self._exclude(batch, batch.hits[surface.material == material], cause)
-        emission = self.emission.take(surface.material, axis=0)
+        if not any(self.scene.materials[m].emits for m in materials):
+            return np.zeros_like(surface.point)
+        emission = pick(self.emission, surface.material)
         glowing = np.flatnonzero(emission.any(axis=1))
         layer = self.layer_of.take(surface.instance)
         for index in np.unique(layer[glowing]):
@@ -310,24 +317,18 @@ class _Run:
     def _show(self, batch: Batch, radiance: Floats, layer: int) -> None:
         """Note emission (samples, 3) that the camera sees, of the light with that layer or -1."""
         total = batch.total(batch.weighed(radiance))
-        self.sums.seen[batch.rows] += total
+        batch.add(total, self.sums.seen)
         if layer >= 0 and self.settings.per_light:
-            self.sums.shown[layer, batch.rows] += total
+            batch.add(total, self.sums.shown[layer])
 
     def _reflected(
-        self, batch: Batch, surface: Surface, share: Share, uniform: Points, passed: int
+        self, batch: Batch, surface: Surface, share: Share, points: Points, passed: int
     ) -> Floats:
         """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
-        sums, rows = self.sums, batch.rows
-        brdf = (self.albedo / np.pi).take(surface.material, axis=0)
-        everything = len(batch.hits) == batch.count
-
-        def random(number: int) -> Floats:
-            pairs = uniform.pair(number + 1)
-            return pairs if everything else pairs.take(batch.hits, axis=0)
-
+        brdf = pick(self.albedo / np.pi, surface.material)
         irradiance = np.zeros_like(brdf)
-        for arrival in self.light.arrivals(surface, share, random, passed):
+        own = self.light.arrivals(surface, share, lambda k: points.pair(k + 1), passed)
+        for arrival in own:
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:
                 self._exclude(batch, batch.hits[exclusion.rows], exclusion.cause)
@@ -339,32 +340,31 @@ class _Run:
                 arriving *= brdf
                 parts = batch.by_pixel(batch.weighed(batch.spread(arriving)))
                 for half in range(batch.each):
-                    sums.lights[half, emitter.layer, rows] += parts[:, half]
+                    batch.add(parts[:, half], self.sums.lights[half, emitter.layer])
         if batch.weight is None:
-            sums.irradiance[rows] += batch.total(batch.spread(irradiance))
+            batch.add(batch.total(batch.spread(irradiance)), self.sums.irradiance)
         return brdf * irradiance
 
     def _positions(self, pixel: Ints, jitter: Floats) -> Floats:
         """Return picture positions (n, 2), y up, of a box filter one pixel wide."""
         width, height = self.scene.resolution
         row, column = np.divmod(pixel, width)
-        return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]], axis=-1)
+        return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]]).T
 
     def _background(self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats) -> Floats:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""
         world, transparent = self.scene.world, self.scene.film_transparent
         if batch.weight is None:
             alpha = met.astype(float) if transparent else np.ones(batch.count)
-            self.sums.alpha[batch.rows] += batch.total(alpha)
+            self.sums.alpha[batch.span] += batch.total(alpha)
         elif transparent:
             clear = np.where(met, 0.0, batch.weight.mean(axis=1))
-            self.sums.alpha[batch.rows] -= batch.total(clear)
-        radiance = np.zeros((batch.count, 3))
+            self.sums.alpha[batch.span] -= batch.total(clear)
+        radiance = np.zeros((batch.count, 3), order="F")
         if world.visible_camera and not transparent and not met.all():
-            for light in self.world:
-                _, shown = light.intersect(rays.origins[~met], rays.directions[~met])
-                radiance[~met] += light.rgb * shown.reshape(len(shown), -1)
-            self._show(batch, radiance, self.layers.get(WORLD_NAME, -1))
+            if world.known:
+                radiance[~met] = world.radiance
+                self._show(batch, radiance, self.layers.get(WORLD_NAME, -1))
             for cause in world.unsupported:
                 self._exclude(batch, np.flatnonzero(~met), cause)
         before = np.where(met, distance, rays.reach)
@@ -400,7 +400,6 @@ class _Run:
             for name, k in self.layers.items()
             if lights and sums.shown[k].any()
         }
-        length = np.linalg.norm(sums.normal, axis=1)[:, None]
         return Film(
             radiance=self._framed(mean),
             variance=self._framed(variance),
@@ -411,7 +410,7 @@ class _Run:
             shown=shown,
             irradiance=self._framed(sums.irradiance * weight[:, None]),
             depth=self._framed(sums.depth * scene.unit_scale_m),
-            normal=self._framed(sums.normal / np.where(length > 0, length, 1.0)),
+            normal=self._framed(normalized(sums.normal)),
             samples=self._framed(samples),
             inside=self.inside,
             excluded=self._framed(excluded),

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from .scene import Instance, Mesh, Scene
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+T = TypeVar("T", bound=np.generic)
 
 # Ray origins leave the surface by this share of the coordinates' and the triangle's size: float32
 # rounds at 6e-8 of it, and a few roundings add up.
@@ -66,7 +67,7 @@ def dot(a: Floats, b: Floats) -> Floats:
     return total
 
 
-def pick(vectors: NDArray[Any], rows: Ints) -> NDArray[Any]:
+def pick(vectors: NDArray[T], rows: Ints) -> NDArray[T]:
     """Return `vectors[rows]` (k, m) by column, where `vectors` (n, m) are."""
     return vectors.T.take(rows, axis=1).T
 
@@ -113,7 +114,7 @@ class Geometry:
         smooth = _end_to_end([m.smooth for m in meshes], (0,), np.bool_)
         shaded = [np.full(len(m.triangles), m.normals is not None) for m in meshes]
         self._shaded = _end_to_end(shaded, (0,), np.bool_)
-        self._lifted = smooth & self._shaded
+        self._lifted = (smooth & self._shaded).astype(np.float64)
         self._normal_row = np.cumsum(self._shaded) - 1
         normals = [_moved_normals(m.normals, moves.get(k)) for k, m in enumerate(meshes)]
         self._normals = _end_to_end([n for n in normals if n is not None], (0, 3, 3), np.float32)
