@@ -362,8 +362,10 @@ class _Run:
             self.sums.alpha[batch.span] -= batch.total(clear)
         radiance = np.zeros((batch.count, 3), order="F")
         if world.visible_camera and not transparent and not met.all():
-            if world.known:
-                radiance[~met] = world.radiance
+            for light in self.world:
+                _, shown = light.intersect(rays.origins[~met], rays.directions[~met])
+                radiance[~met] += light.rgb * shown.reshape(len(shown), -1)
+            if self.world:
                 self._show(batch, radiance, self.layers.get(WORLD_NAME, -1))
             for cause in world.unsupported:
                 self._exclude(batch, np.flatnonzero(~met), cause)
