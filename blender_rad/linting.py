@@ -21,6 +21,7 @@ from .errors import Finding, Severity
 from .film import Film
 from .inspection import light_notes
 from .lights import light_from_record
+from .quantities import GLTF_LM_W
 from .rendering import Settings, render
 from .scene import CLAY_ALBEDO, Scene
 
@@ -31,7 +32,6 @@ SAME = 0.01  # [%]
 SIDE, SAMPLES = 64, 32  # of the small pictures: pixels of the longer side, samples a pixel
 GRAVITY = ("error", "warning", "info")
 DEFAULT_WORLD = 0.05087609  # Blender's
-GLTF_LM_W = 683.0
 CERTAIN = {"negative-energy", "unit-scale"}  # notes of lights that are errors whatever the picture
 POSSIBLE = {"soft-falloff", "not-normalised", "no-shadow", "spot-cone", "ies-efficacy"}
 

@@ -22,6 +22,7 @@ Kind = Literal["radiant", "luminous", "photon", "spectral"]
 
 K_M = 683.002  # lm/W, the maximum luminous efficacy
 EFFICACIES_LM_W = {"photopic": K_M, "cycles-ies": 177.83, "radiance": 179.0}  # conventions in use
+GLTF_LM_W = 683.0  # by which Blender takes glTF's cd and lx for W/sr and W/m²
 PLANCK = 6.62607015e-34  # J s
 LIGHT_SPEED = 299_792_458.0  # m/s
 AVOGADRO = 6.02214076e23  # 1/mol

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import Any
 import bpy
 
 from ..errors import Finding, RadError, unknown_name
+from ..quantities import GLTF_LM_W
 from .interrupt import interrupt_later
 from .quiet import quiet_stdout
 
@@ -73,7 +76,8 @@ def _load(file: Path, load_ui: bool) -> None:
         with interrupt_later(), quiet_stdout(errors=True):
             if imported:
                 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-                bpy.ops.import_scene.gltf(filepath=path)
+                lighting = "export_import_convert_lighting_mode"
+                bpy.ops.import_scene.gltf(filepath=path, **{lighting: 'SPEC'})
             else:
                 bpy.ops.wm.open_mainfile(filepath=path, load_ui=load_ui, use_scripts=False)
     except RuntimeError as error:
@@ -83,6 +87,28 @@ def _load(file: Path, load_ui: bool) -> None:
     if imported:
         context: Any = bpy.context
         context.scene[SOURCE_KEY] = str(file)
+        context.scene.render.engine = 'CYCLES'
+        cameras = _cameras(context.scene)
+        context.scene.camera = cameras[0] if len(cameras) == 1 else None
+        _default_intensities(file)
+
+
+def _default_intensities(file: Path) -> None:
+    """Give lights that state no intensity glTF's default, 1 cd or 1 lx.
+
+    The importer leaves them Blender's own; those that do state one are, over 683 lm/W, of W/sr or
+    W/m²: a light whose power is none of these states none.
+    """
+    content = file.read_bytes()
+    if content[:4] == b"glTF":  # binary: the first chunk is the JSON, its length at byte 12
+        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    lights = json.loads(content).get("extensions", {}).get("KHR_lights_punctual", {})
+    stated = [light.get("intensity") for light in lights.get("lights", [])]
+    for bl_light in bpy.data.lights if None in stated else ():
+        one: float = 1.0 / GLTF_LM_W if bl_light.type == 'SUN' else 4.0 * math.pi / GLTF_LM_W
+        given = (value * one for value in stated if value is not None)
+        if not any(math.isclose(bl_light.energy, power, rel_tol=1e-6) for power in given):
+            bl_light.energy = one
 
 
 def _choose(kind: str, name: str | None, known: Any, where: str) -> Any | None:
