@@ -1,9 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's face: properties, panels, operators. No physics; heavy libraries load when used."""
 
-from . import check_panel, engine, images, light_panel, preferences, readout, settings, stating
+from . import (
+    check_panel,
+    drawing,
+    engine,
+    images,
+    light_panel,
+    preferences,
+    readout,
+    settings,
+    stating,
+)
 
-MODULES = (preferences, settings, engine, check_panel, images, stating, readout, light_panel)
+MODULES = (
+    preferences,
+    settings,
+    drawing,
+    engine,
+    check_panel,
+    images,
+    stating,
+    readout,
+    light_panel,
+)
 
 
 def register() -> None:

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import bpy
 
-from . import final
+from . import drawing, final
+from .viewport import Viewport, region_camera
 
 ENGINE = 'RADIOMETRIC'
 OWN_SETTINGS = {"render", "view_layer"}  # contexts of Cycles' panels that mean nothing to us
@@ -22,16 +25,68 @@ class RadiometricEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
 
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._viewport: Viewport | None = None
+
+    def __del__(self) -> None:
+        if viewport := getattr(self, "_viewport", None):
+            viewport.stop()
+
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", 'COLOR')
         kinds = {"RGB": 'COLOR', "V": 'VALUE', "XYZ": 'VECTOR'}
         for name, channels in final.passes(scene):
-            self.register_pass(
-                scene, renderlayer, name, len(channels), channels, kinds[channels]
-            )
+            self.register_pass(scene, renderlayer, name, len(channels), channels, kinds[channels])
 
     def render(self, depsgraph: Any) -> None:
         final.render(self, depsgraph)
+
+    def view_update(self, context: bpy.types.Context, depsgraph: Any) -> None:
+        """Read the scene again where something that light depends on has changed."""
+        own = context.scene.radiometric
+        asked = (own.model, own.shading)
+        viewport = self._viewport
+        if viewport is None:
+            viewport = self._viewport = Viewport(_redraw(self))
+        changed = any(
+            update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading
+            for update in depsgraph.updates
+        )
+        if changed or viewport.asked != asked:
+            viewport.asked = asked
+            viewport.read(depsgraph)
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: Any) -> None:
+        viewport, region, bl_scene = self._viewport, context.region, depsgraph.scene
+        if viewport is None:
+            return
+        drawing.VIEWPORTS[region.as_pointer()] = viewport
+        each = int(self.get_preview_pixel_size(bl_scene))
+        view = context.region_data
+        viewport.look(
+            region_camera(view.view_matrix, view.window_matrix),
+            (-(-region.width // each), -(-region.height // each)),
+            bl_scene.radiometric.error,
+        )
+        if bl_scene.radiometric.view == 'radiance':
+            drawing.draw_radiance(self, viewport, bl_scene, (region.width, region.height))
+        if viewport.film:
+            error = 100 * viewport.film.relative_standard_error
+            said = "" if viewport.refining else ", done"
+            self.update_stats("Radiometric", f"error {error:.2g} %{said}")
+
+
+def _redraw(engine: Any) -> Callable[[], None]:
+    """Return what asks for a redraw of an engine, as long as Blender has it."""
+    alive = weakref.ref(engine)
+
+    def redraw() -> None:
+        with suppress(ReferenceError):  # Blender has removed it
+            if found := alive():
+                found.tag_redraw()
+
+    return redraw
 
 
 def _panels() -> Iterator[Any]:

@@ -47,7 +47,8 @@ def show_difference(file: Path, tolerance: float) -> Any:
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder) / "difference.png"
         imsave(picture, hatched(colours, np.isnan(relative)))
-        return show_image(picture, f"Cycles - ours, red +{100 * limit:g} %, blue -{100 * limit:g} %")
+        ends = f"red +{100 * limit:g} %, blue -{100 * limit:g} %"
+        return show_image(picture, f"Cycles - ours, {ends}")
 
 
 def _exr(context: Any, scratch: Path) -> Path:

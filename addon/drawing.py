@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws a viewport's picture: radiance as the scene's colours, or a quantity with its legend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
+
+import bpy
+
+if TYPE_CHECKING:
+    from ..blender_rad.film import Film
+    from .viewport import Viewport
+
+VIEWPORTS: WeakValueDictionary[int, Viewport] = WeakValueDictionary()  # by region
+LEGEND = (20, 16, 240)  # of the false colours: margin, width and height [points]
+TICKS = 5
+
+
+def texture(pixels: Any) -> Any:
+    """Return a texture of `pixels` (h, w, 4), row 0 at the top."""
+    import gpu
+    import numpy as np
+
+    height, width = pixels.shape[:2]
+    data = gpu.types.Buffer('FLOAT', pixels.size, pixels[::-1].astype(np.float32).ravel())
+    return gpu.types.GPUTexture((width, height), format='RGBA16F', data=data)
+
+
+def draw_radiance(engine: Any, viewport: Viewport, bl_scene: Any, size: tuple[int, int]) -> None:
+    """Draw what the engine sees, in scene-linear colours."""
+    import gpu
+    import numpy as np
+    from gpu_extras.presets import draw_texture_2d
+
+    film = viewport.film
+    if film is None:
+        return
+    picture = _kept(viewport, None, lambda: np.dstack([film.radiance, film.alpha]))
+    gpu.state.blend_set('ALPHA_PREMULT')
+    engine.bind_display_space_shader(bl_scene)
+    draw_texture_2d(picture, (0, 0), *size)
+    engine.unbind_display_space_shader()
+    gpu.state.blend_set('NONE')
+
+
+def draw_quantity() -> None:
+    """Draw false colours and their legend over the 3D view that Blender is drawing."""
+    context = bpy.context
+    own = context.scene.radiometric
+    viewport = VIEWPORTS.get(context.region.as_pointer())
+    shading = context.space_data.shading.type
+    if own.view == 'radiance' or shading != 'RENDERED' or viewport is None or not viewport.film:
+        return
+    import gpu
+    import numpy as np
+    from gpu_extras.presets import draw_texture_2d
+
+    from ..blender_rad.errors import RadError
+    from ..blender_rad.photometry.falsecolor import value_range
+    from ..blender_rad.quantities import QUANTITIES
+
+    values = quantity(viewport.film, own.view, viewport.scene, own.efficacy)
+    try:
+        limits = value_range(values, own.scale, own.low or None, own.high or None)
+    except RadError:  # the ends of the legend have crossed
+        return
+
+    def pixels() -> Any:
+        place = _place(values, own.scale, limits)
+        return np.where(np.isnan(place)[..., None], 0.25, _colours()[_index(place)])
+
+    picture = _kept(viewport, (own.view, own.scale, own.efficacy, limits), pixels)
+    gpu.state.blend_set('NONE')
+    draw_texture_2d(picture, (0, 0), context.region.width, context.region.height)
+    _draw_legend(own.scale, limits, QUANTITIES[own.view].unit)
+
+
+def _kept(viewport: Viewport, key: object, pixels: Callable[[], Any]) -> Any:
+    """Return the texture of the newest picture, made anew only where there is a newer one."""
+    if viewport.texture[:2] != (viewport.film, key):
+        viewport.texture = (viewport.film, key, texture(pixels()))
+    return viewport.texture[2]
+
+
+def quantity(film: Film, name: str, scene: Any, efficacy_lm_W: float) -> Any:
+    """Return illuminance [lx] or luminance [cd/m²] (h, w), nan where there is no surface for it."""
+    import numpy as np
+
+    weights = efficacy_lm_W * np.array(scene.luminance_weights)
+    if name == 'luminance':
+        return film.radiance @ weights
+    return np.where(np.isinf(film.depth), np.nan, film.irradiance @ weights)
+
+
+def _place(values: Any, scale: str, limits: tuple[float, float]) -> Any:
+    """Return where `values` lie between the limits, 0 to 1."""
+    import numpy as np
+
+    low, high = limits
+    if scale == 'log':
+        values, low, high = np.log(np.maximum(values, low)), np.log(low), np.log(high)
+    return np.clip((values - low) / (high - low), 0.0, 1.0)
+
+
+def _index(place: Any) -> Any:
+    import numpy as np
+
+    return (np.nan_to_num(place) * 255).astype(np.uint8)
+
+
+@cache
+def _colours() -> Any:
+    """Return 256 colours (256, 4)."""
+    import matplotlib as mpl
+    import numpy as np
+
+    from ..blender_rad.photometry.falsecolor import COLOURS
+
+    return mpl.colormaps[COLOURS](np.linspace(0.0, 1.0, 256))
+
+
+def _draw_legend(scale: str, limits: tuple[float, float], unit: str) -> None:
+    import blf
+    import numpy as np
+    from gpu_extras.presets import draw_texture_2d
+
+    margin, wide, tall = (round(side * bpy.context.preferences.system.ui_scale) for side in LEGEND)
+    draw_texture_2d(texture(_colours()[::-1, None]), (margin, margin), wide, tall)
+    spaced = np.geomspace if scale == 'log' else np.linspace
+    blf.size(0, wide * 0.75)
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)
+    for number, value in enumerate(spaced(*limits, TICKS)):
+        last = f" {unit}" if number == TICKS - 1 else ""
+        blf.position(0, margin + 1.4 * wide, margin + number / (TICKS - 1) * tall - 0.25 * wide, 0)
+        blf.draw(0, f"{value:.3g}{last}")
+    blf.disable(0, blf.SHADOW)
+
+
+_handles: list[object] = []
+
+
+def register() -> None:
+    add: Any = bpy.types.SpaceView3D.draw_handler_add
+    _handles.append(add(draw_quantity, (), 'WINDOW', 'POST_PIXEL'))
+
+
+def unregister() -> None:
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), 'WINDOW')
+    VIEWPORTS.clear()
