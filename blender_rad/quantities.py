@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The quantities of light: name, symbol, unit, definition and twin; and the units to write them.
+"""The quantities of light, and the units to write them.
 
-Six forms, each in four kinds. Radiant counts energy; spectral counts it per nanometre; luminous
-weights it with the eye's V(λ), X_v = K_m ∫ V(λ) X_e,λ dλ; photon counts quanta of hc/λ.
+Five forms, each in three kinds. Radiant counts energy; luminous weights it with the eye's V(λ),
+X_v = K_m ∫ V(λ) X_e,λ dλ; photon counts quanta of hc/λ.
 
 K_m is 683 lm/W at 540 THz, which is 555.016 nm in air where V is just below 1: 683.002 at its
 maximum. Older texts and lectures print 680, a value from before the candela of 1979.
@@ -11,14 +11,12 @@ maximum. Older texts and lectures print 680, a value from before the candela of 
 from __future__ import annotations
 
 import math
-import re
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from .errors import unknown_name
 
-Form = Literal["energy", "flux", "intensity", "irradiance", "exitance", "radiance"]
-Kind = Literal["radiant", "luminous", "photon", "spectral"]
+Form = Literal["energy", "flux", "intensity", "irradiance", "radiance"]
+Kind = Literal["radiant", "luminous", "photon"]
 
 K_M = 683.002  # lm/W, the maximum luminous efficacy
 EFFICACIES_LM_W = {"photopic": K_M, "cycles-ies": 177.83, "radiance": 179.0}  # conventions in use
@@ -36,68 +34,35 @@ PRESETS = {  # sunlight of all wavelengths above the air, one astronomical unit 
 }
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity of light.
-
-    Attributes
-    ----------
-    name : full words with underscores, as in public names.
-    symbol : as in equations; the indices e, v, p and λ tell the kinds apart.
-    unit : SI, as people write it.
-    twin : the luminous quantity of a radiant one and the reverse; None for the other kinds.
-    """
+class Quantity(NamedTuple):
+    """A quantity of light: its name as in public names, its SI unit as people write it."""
 
     name: str
-    symbol: str
     unit: str
-    definition: str
     form: Form
     kind: Kind
-    twin: str | None = None
 
     @property
     def words(self) -> str:
         """The name as people write it."""
         return self.name.replace("_", " ")
 
-    @property
-    def key(self) -> str:
-        """The key in JSON, which ends in the unit: ``radiance_W_m2_sr``."""
-        plain = self.unit.translate(str.maketrans({"²": "2", "(": "", ")": ""}))
-        return f"{self.name}_{re.sub('[/ ·]+', '_', plain)}"
 
-
-_TABLE: tuple[tuple[Form, str, str, str, str, str], ...] = (
-    ("energy", "Q", "∫ Φ dt", "radiant_energy J", "luminous_energy lm·s", "photon_number 1"),
-    ("flux", "Φ", "dQ/dt", "radiant_flux W", "luminous_flux lm", "photon_flux 1/s"),
-    ("intensity", "I", "dΦ/dω", "radiant_intensity W/sr", "luminous_intensity cd",
-     "photon_intensity 1/(s sr)"),
-    ("irradiance", "E", "dΦ/dA = ∫ L cos θ dω, arriving", "irradiance W/m²", "illuminance lx",
-     "photon_irradiance 1/(m² s)"),
-    ("exitance", "M", "dΦ/dA, leaving (radiosity)", "radiant_exitance W/m²",
-     "luminous_exitance lm/m²", "photon_exitance 1/(m² s)"),
-    ("radiance", "L", "d²Φ/(dA cos θ dω), what a pixel holds", "radiance W/(m² sr)",
-     "luminance cd/m²", "photon_radiance 1/(m² s sr)"),
-)  # fmt: skip
-
-
-def _quantities() -> dict[str, Quantity]:
-    entries: list[Quantity] = []
-    for form, symbol, definition, *named in _TABLE:
-        (e, watts), (v, lumens), (p, photons) = (text.split(" ", 1) for text in named)
-        over, _, under = watts.partition("/")
-        spectral = f"{over}/({under.strip('()')} nm)" if under else f"{over}/nm"
-        entries += [
-            Quantity(e, f"{symbol}_e", watts, definition, form, "radiant", v),
-            Quantity(v, f"{symbol}_v", lumens, definition, form, "luminous", e),
-            Quantity(p, f"{symbol}_p", photons, definition, form, "photon"),
-            Quantity(f"spectral_{e}", f"{symbol}_λ", spectral, f"d{symbol}_e/dλ", form, "spectral"),
-        ]
-    return {entry.name: entry for entry in entries}
-
-
-QUANTITIES = _quantities()
+_TABLE: dict[Form, tuple[str, str, str]] = {
+    # Q; Φ = dQ/dt; I = dΦ/dω
+    "energy": ("radiant_energy J", "luminous_energy lm·s", "photon_number 1"),
+    "flux": ("radiant_flux W", "luminous_flux lm", "photon_flux 1/s"),
+    "intensity": ("radiant_intensity W/sr", "luminous_intensity cd", "photon_intensity 1/(s sr)"),
+    # E = dΦ/dA = ∫ L cos θ dω, arriving; L = d²Φ/(dA cos θ dω), what a pixel holds
+    "irradiance": ("irradiance W/m²", "illuminance lx", "photon_irradiance 1/(m² s)"),
+    "radiance": ("radiance W/(m² sr)", "luminance cd/m²", "photon_radiance 1/(m² s sr)"),
+}
+KINDS: tuple[Kind, ...] = ("radiant", "luminous", "photon")
+QUANTITIES = {
+    name: Quantity(name, unit, form, kind)
+    for form, texts in _TABLE.items()
+    for kind, (name, unit) in zip(KINDS, (text.split(" ", 1) for text in texts), strict=True)
+}
 
 
 def quantity(form: Form, kind: Kind) -> Quantity:
