@@ -86,6 +86,11 @@ class Spectrum:
         """Luminous efficacy of radiation K = K_m ∫ S V dλ / ∫ S dλ [lm/W]."""
         return K_M * self._per_watt(_observer(self.wavelengths)[1])
 
+    @property
+    def xyz(self) -> list[float]:
+        """Its colour, CIE 1931 X, Y, Z a watt."""
+        return [self._per_watt(bar) for bar in _observer(self.wavelengths)]
+
     def photons_per_J(self, within: Limits = RANGE_NM) -> float:
         """Return photons of wavelengths `within` a joule, ∫ S λ dλ / (hc ∫ S dλ)."""
         return self._per_watt(self.wavelengths * NM / (PLANCK * LIGHT_SPEED), within)
@@ -95,9 +100,7 @@ class Spectrum:
 
         The last three are None where the colour is too far from white.
         """
-        temperature, duv = colour_temperature(
-            [self._per_watt(bar) for bar in _observer(self.wavelengths)]
-        )
+        temperature, duv = colour_temperature(self.xyz)
         rendering = None
         if temperature is not None:
             grid = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + 1.0, 5.0)

@@ -6,6 +6,8 @@ Chromaticities are (x, y) of red, green, blue and white, one after the other, as
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,7 @@ def xyz_from_rgb(chromaticities: tuple[float, ...]) -> Matrix:
     return primaries * np.linalg.solve(primaries, white)
 
 
+@cache
 def luminance_weights(chromaticities: tuple[float, ...]) -> tuple[float, float, float]:
     """Return what red, green and blue weigh in luminance; they add up to 1."""
     red, green, blue = xyz_from_rgb(chromaticities)[1]

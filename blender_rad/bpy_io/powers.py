@@ -86,10 +86,7 @@ def _scale_world(bl_scene: Any, factor: float) -> float:
         raise _linked(WORLD_NAME)
     if world.users > 1:
         world = bl_scene.world = world.copy()
-    if nodes.uses_nodes(world):
-        return _scale_tree(world, factor)
-    world.color = [channel * factor for channel in world.color]
-    return float(max(world.color))
+    return scale_emission(world, factor)
 
 
 def _scale_mesh(bl_object: Any, factor: float) -> float:
@@ -103,21 +100,27 @@ def _scale_mesh(bl_object: Any, factor: float) -> float:
             material = material.copy()
             slot.link = "OBJECT"
             slot.material = material
-        strengths.append(_scale_tree(material, factor))
+        strengths.append(scale_emission(material, factor))
     if not strengths:
         raise _fixed(f"light {bl_object.name!r}", "an emitting material in its slots")
     return strengths[0]
 
 
-def _scale_tree(block: Any, factor: float) -> float:
-    """Scale all constant strengths of a block's node tree; return the first that is not 0."""
+def scale_emission(block: Any, factor: float, start: float = 0.0) -> float:
+    """Scale all constant strengths of a world or material; return the first that is not 0.
+
+    What has none counts as `start`.
+    """
+    if isinstance(block, bpy.types.World) and not nodes.uses_nodes(block):
+        block.color = [(channel or start) * factor for channel in block.color]
+        return float(max(block.color))
     tree = block.node_tree
     output = tree.get_output_node("CYCLES")
     found = {leaf.node.as_pointer(): leaf for leaf in nodes.leaves(output.inputs["Surface"])}
     strengths: list[float] = []
     for leaf in found.values():
         names = [n for n in ("Strength", "Emission Strength") if n in leaf.node.inputs]
-        value = nodes.input_number(leaf, names[0]) if names else None
+        value = (nodes.input_number(leaf, names[0]) or start) if names else None
         if not value:
             continue
         if leaf.groups:

@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Radiometry panels of lights, materials and worlds, in every engine."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from . import readout, stating
+
+QUANTITIES = {
+    'W': "Radiant Flux",
+    'lm': "Luminous Flux",
+    'cd': "Luminous Intensity",
+    'W/sr': "Radiant Intensity",
+    'lx': "Illuminance",
+    'W/m2': "Irradiance",
+    'cd/m2': "Luminance",
+    'W/m2/sr': "Radiance",
+    'EV100': "Luminance",
+}
+READ = (  # symbol, key, unit, in words
+    ("Φ", "luminous_flux_lm", "lm"),
+    ("Φ", "radiant_flux_W", "W"),
+    ("I", "peak_luminous_intensity_cd", "cd"),
+    ("L", "luminance_cd_m2", "cd/m²"),
+    ("E", "facing_lx", "lx"),
+    ("CCT", "correlated_colour_temperature_K", "K"),
+)
+LETTER = 6.5  # px of a letter at a UI scale of 1, on average
+
+
+def _block(context: bpy.types.Context) -> Any:
+    """Return the light, material or world that the Properties editor shows."""
+    return next(
+        (b for name in ("light", "material", "world") if (b := getattr(context, name, None))), None
+    )
+
+
+class RADIOMETRIC_MT_unit(bpy.types.Menu):
+    """The units that the light, material or world can have."""
+
+    bl_label = "Unit"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        from ..blender_rad.stated import FORMS
+
+        block = _block(context)
+        kind = block.type if isinstance(block, bpy.types.Light) else block.id_type
+        for unit in FORMS[kind]:
+            row = self.layout.row()
+            row.enabled = not isinstance(block, bpy.types.Light) or stating.defined(block, unit)
+            row.prop_enum(block.radiometry, "unit", unit)
+
+
+def draw_value(layout: Any, block: Any) -> str:
+    """Draw value and unit; return the unit."""
+    unit = stating.unit_of(block)
+    row = layout.row(align=True)
+    row.prop(block.radiometry, "value", text=QUANTITIES[unit])
+    menu = row.row(align=True)
+    menu.ui_units_x = 4.0
+    menu.menu(RADIOMETRIC_MT_unit.__name__, text=stating.LABELS[unit])
+    return unit
+
+
+class _Data:
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+
+
+class RADIOMETRIC_PT_light(_Data, bpy.types.Panel):
+    """States a light in its unit."""
+
+    bl_label = "Radiometry"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.light is not None
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        self.layout.operator("radiometric.source", text="", icon='PRESET', emboss=False)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, light = self.layout, context.light
+        group = light.radiometry
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        unit = draw_value(layout, light)
+        if unit in {'lx', 'W/m2'} and light.type != 'SUN':
+            layout.prop(group, "distance")
+        if not stating.defined(light, unit):
+            layout.label(text="This light has none: choose another unit", icon='INFO')
+        layout.prop(group, "spectrum", icon='COLOR')
+        if error := group.get("error"):
+            _say(layout, context, error, 'ERROR')
+        layout.prop(group, "efficacy")
+        column = layout.column(align=True)
+        if light.type == 'SPOT':
+            column.prop(group, "keep_flux")
+        if stating.unit_scale() != 1.0:
+            column.prop(group, "compensate")
+        if stating.value_curves(light):
+            column = layout.column()
+            _say(column, context, "Keys on the value need this add-on where it renders", 'INFO')
+            column.operator("radiometric.keys_to_power")
+
+
+class RADIOMETRIC_PT_emits(_Data, bpy.types.Panel):
+    """Reads what a light emits."""
+
+    bl_label = "What It Emits"
+    bl_parent_id = "RADIOMETRIC_PT_light"
+    bl_context = "data"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, light, scene = self.layout, context.light, context.scene
+        group, placed = light.radiometry, context.object
+        at_cursor = scene.radiometric_at_cursor and placed and placed.data == light
+        record = stating.record_of(light, placed.matrix_world if at_cursor else None)
+        row = readout.known(
+            record,
+            stating.convention(group),
+            'cycles' if group.compensate else 'physical',
+            tuple(scene.cursor.location) if at_cursor else None,
+        )
+        if row is None:
+            layout.label(text="Reading …")
+            return
+        from ..blender_rad.inspection import figure
+
+        grid = layout.grid_flow(row_major=True, columns=2, align=True)
+        for symbol, key, unit in READ:
+            if row[key] is not None:
+                grid.label(text=f"{symbol}   {figure(row[key])} {unit}")
+        place = "at the 3D cursor" if at_cursor else f"{group.distance:g} m away"
+        line = layout.row()
+        if light.type != 'SUN':
+            line.label(text=f"E {place}")
+            line.prop(scene, "radiometric_at_cursor", text="", icon='CURSOR')
+        notes = layout.column(align=True)
+        notes.active = False
+        for note in row["notes"]:
+            _say(notes, context, note.replace("--", ""), 'DOT')
+
+
+def _say(layout: Any, context: bpy.types.Context, text: str, icon: str) -> None:
+    """Draw a text in as many lines as it needs."""
+    scale = context.preferences.system.ui_scale
+    width = max(int(context.region.width / (LETTER * scale)) - 9, 20)
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, line in enumerate(textwrap.wrap(text, width)):
+        column.label(text=line, icon='BLANK1' if number else icon)
+
+
+class _Glow(_Data):
+    bl_label = "Radiometry"
+    bl_options = {'DEFAULT_CLOSED'}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return _block(context) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, block = self.layout, _block(context)
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if not stating.glows(block):
+            layout.label(text="Textured or mixed: not one number", icon='INFO')
+            return
+        draw_value(layout, block)
+        layout.prop(block.radiometry, "efficacy")
+
+
+class RADIOMETRIC_PT_material(_Glow, bpy.types.Panel):
+    """States the emission of a material."""
+
+    bl_context = "material"
+
+
+class RADIOMETRIC_PT_world(_Glow, bpy.types.Panel):
+    """States the radiance of a world."""
+
+    bl_context = "world"
+
+
+class RADIOMETRIC_OT_keys_to_power(bpy.types.Operator):
+    """Move the keys of the value to Blender's own power, which needs no add-on where it renders."""
+
+    bl_idname = "radiometric.keys_to_power"
+    bl_label = "Move Keys to Power"
+    bl_options = {'REGISTER', 'UNDO'}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return getattr(context, "light", None) is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        light = context.light
+        if stating.unit_of(light) == 'EV100':
+            self.report({'ERROR'}, "EV is not in proportion to power: choose another unit first")
+            return {'CANCELLED'}
+        stating.move_keys(light)
+        return {'FINISHED'}
+
+
+class RADIOMETRIC_OT_source(bpy.types.Operator):
+    """Make the active light a real one, with its lumens, colour and size."""
+
+    bl_idname = "radiometric.source"
+    bl_label = "Real Light Source"
+    bl_options = {'REGISTER', 'UNDO'}
+    bl_property = "source"
+
+    def _items(self, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+        from .sources import items
+
+        return items()
+
+    source: bpy.props.EnumProperty(name="Source", items=_items)
+    add: bpy.props.BoolProperty(name="Add", options={'HIDDEN', 'SKIP_SAVE'})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.invoke_search_popup(self)
+        return {'RUNNING_MODAL'}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from .sources import SOURCES, apply
+
+        light = getattr(context, "light", None)
+        active = context.object
+        if light is None and active is not None and active.type == 'LIGHT':
+            light = active.data
+        if self.add:
+            light = _placed(context, bpy.data.lights.new(self.source, 'POINT')).data
+        if light is None:
+            self.report({'ERROR'}, "No light: select one, or add one")
+            return {'CANCELLED'}
+        source = SOURCES[self.source]
+        apply(light, source)
+        self.report({'INFO'}, f"{self.source}: ± {source.uncertainty_percent:g} %, {source.origin}")
+        return {'FINISHED'}
+
+
+def _placed(context: bpy.types.Context, data: Any) -> Any:
+    """Return a new active object of `data` at the 3D cursor."""
+    placed = bpy.data.objects.new(data.name, data)
+    return at_cursor(context, placed)
+
+
+def at_cursor(context: bpy.types.Context, placed: Any) -> Any:
+    """Return `placed` in the active collection at the 3D cursor, selected alone."""
+    if not placed.users_collection:
+        context.collection.objects.link(placed)
+    placed.location = context.scene.cursor.location
+    for other in context.selected_objects:
+        other.select_set(False)
+    placed.select_set(True)
+    context.view_layer.objects.active = placed
+    return placed
+
+
+class RADIOMETRIC_OT_luminaire(bpy.types.Operator):
+    """Add a luminaire from its photometric file: its candelas, and its luminous opening."""
+
+    bl_idname = "radiometric.luminaire"
+    bl_label = "Luminaire (IES, LDT)"
+    bl_options = {'REGISTER', 'UNDO'}
+
+    filepath: StringProperty(subtype='FILE_PATH')
+    filter_glob: StringProperty(default="*.ies;*.ldt;*.IES;*.LDT", options={'HIDDEN'})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {'RUNNING_MODAL'}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from ..blender_rad.bpy_io.ies import add_photometric_light
+        from ..blender_rad.errors import RadError
+        from ..blender_rad.photometry import read_photometry
+
+        try:
+            found = read_photometry(self.filepath)
+            lamp = add_photometric_light(found)
+        except RadError as error:
+            self.report({'ERROR'}, str(error))
+            return {'CANCELLED'}
+        at_cursor(context, lamp)
+        for finding in found.findings:
+            self.report({'INFO' if finding.severity == "info" else 'WARNING'}, str(finding))
+        return {'FINISHED'}
+
+
+def _add_menu(self: Any, _: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.operator("radiometric.source", text="Real Source …", icon='LIGHT').add = True
+    self.layout.operator("radiometric.luminaire", icon='LIGHT_SPOT')
+
+
+_register, _unregister = bpy.utils.register_classes_factory(
+    (
+        RADIOMETRIC_MT_unit,
+        RADIOMETRIC_PT_light,
+        RADIOMETRIC_PT_emits,
+        RADIOMETRIC_PT_material,
+        RADIOMETRIC_PT_world,
+        RADIOMETRIC_OT_keys_to_power,
+        RADIOMETRIC_OT_source,
+        RADIOMETRIC_OT_luminaire,
+    )
+)
+
+
+def register() -> None:
+    _register()
+    bpy.types.Scene.radiometric_at_cursor = bpy.props.BoolProperty(
+        name="At the 3D Cursor", description="Read E at the 3D cursor, facing the light"
+    )
+    bpy.types.VIEW3D_MT_light_add.append(_add_menu)
+
+
+def unregister() -> None:
+    bpy.types.VIEW3D_MT_light_add.remove(_add_menu)
+    del bpy.types.Scene.radiometric_at_cursor
+    _unregister()
