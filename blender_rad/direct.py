@@ -193,9 +193,8 @@ class DirectLight:
             irradiance[lit] = value[lit] * seen
             exact = self._exact(emitter, surface)
             if exact is not None:
-                known = np.isfinite(exact)
-                control = share(number, value, irradiance)
-                irradiance += np.where(known, control * (np.where(known, exact, 0.0) - value), 0.0)
+                exact = np.where(np.isfinite(exact), exact, value)
+                irradiance += share(number, value, irradiance) * (exact - value)
             tint = sample.tint
             if through is not None:
                 coloured = np.ones((len(value), 3))

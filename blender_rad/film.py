@@ -86,12 +86,15 @@ def neighbourhood_mean(values: Image, inside: NDArray[np.bool_], *, own: bool = 
 
     With `own` False a pixel itself does not count, unless it has no neighbours.
     """
-    height, width = inside.shape
-    kept = inside.reshape(height, width, *[1] * (values.ndim - 2))
-    rim = [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)]
-    total, count = np.pad(np.where(kept, values, 0.0), rim), np.pad(kept.astype(float), rim)
-    near = [(y, x) for y in range(3) for x in range(3) if own or (y, x) != (1, 1)]
-    parts = [np.s_[y : y + height, x : x + width] for y, x in near]
-    number = sum(count[part] for part in parts)
-    mean = sum(total[part] for part in parts) / np.maximum(number, 1.0)
-    return np.where(number > 0, mean, values)
+    kept = inside.reshape(*inside.shape, *[1] * (values.ndim - 2))
+    number = _neighbourhood_sum(kept.astype(float), own=own)
+    total = _neighbourhood_sum(np.where(kept, values, 0.0), own=own)
+    return np.where(number > 0.0, total / np.maximum(number, 1.0), values)
+
+
+def _neighbourhood_sum(values: Image, *, own: bool) -> Image:
+    padded = np.pad(values, [(1, 1), (1, 1), *[(0, 0)] * (values.ndim - 2)])
+    beside = padded[:-2] + padded[2:]
+    column = beside + padded[1:-1]
+    middle = column if own else beside
+    return column[:, :-2] + column[:, 2:] + middle[:, 1:-1]

@@ -107,17 +107,18 @@ class Pixels:
 def _moments(streams: Floats, samples: Ints) -> tuple[Floats, Floats]:
     """Return what `Pixels.radiance` does, of the sums (streams, n, 3) of `samples` (n,)."""
     count = len(streams)
-    taken = np.maximum(samples, 1)[:, None]
+    number = samples[:, None].astype(np.float64)
+    taken = np.maximum(number, 1.0)
     mean = sum(streams[1:], start=streams[0]) / taken
     variance = np.zeros_like(mean)
-    for number, total in enumerate(streams):
-        each = ((samples + count - 1 - number) // count)[:, None]
-        own = total / np.maximum(each, 1)
+    for stream, total in enumerate(streams):
+        each = np.ceil((number - stream) / count)
+        own = total / np.maximum(each, 1.0)
         own -= mean
         own *= own
         own *= each
         variance += own
-    variance /= np.maximum(np.minimum(taken, count) - 1, 1) * taken
+    variance /= np.maximum(np.minimum(taken, count) - 1.0, 1.0) * taken
     alone = samples < 2
     if alone.any():
         variance[alone] = mean[alone] ** 2

@@ -173,21 +173,24 @@ class _Run:
 
     def _wanted_steps(self, error: float) -> tuple[Ints, float]:
         """Return how many more steps each pixel should have (n,), and the share of work done."""
-        mean, variance = self.sums.radiance()
-        signal = mean**2 + 0.01 * np.mean(mean, axis=0) ** 2
-        ratio = variance / np.maximum(signal, np.finfo(float).tiny)
-        if np.mean(ratio) <= error**2:
-            return np.zeros(len(mean), dtype=np.int64), 1.0
+        signal, ratio = self.sums.radiance()
+        floor = 0.01 * np.mean(signal, axis=0) ** 2
+        signal *= signal
+        signal += np.maximum(floor, np.finfo(float).tiny)
+        ratio /= signal
+        relative = (ratio[:, 0] + ratio[:, 1] + ratio[:, 2]) / 3.0
+        if np.mean(relative) <= error**2:
+            return np.zeros(len(relative), dtype=np.int64), 1.0
         taken = self.sums.taken // STREAMS
-        spread = self._framed((ratio[:, 0] + ratio[:, 1] + ratio[:, 2]) / 3.0 * taken)
+        spread = self._framed(relative * taken)
         near = neighbourhood_mean(spread, self.inside, own=False).reshape(-1)[self.place]
         told = np.mean(near / taken)  # of pixels whose neighbours are as noisy as themselves, all
-        near = near * max(np.mean(ratio) / told, 1.0) if told > 0.0 else np.full_like(near, 1.0)
+        near = near * max(np.mean(relative) / told, 1.0) if told > 0.0 else np.full_like(near, 1.0)
         one_step = np.sqrt(near)
         wanted = one_step * (np.mean(one_step) / error**2)
         most = np.minimum(np.ceil(GROWTH * taken), MAX_SAMPLES // STREAMS)
         wanted = np.clip(np.ceil(wanted), taken, most)
-        share = min(1.0, float(error**2 / np.mean(ratio)))
+        share = min(1.0, float(error**2 / np.mean(relative)))
         return wanted.astype(np.int64) - taken, share
 
     def _round(

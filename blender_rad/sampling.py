@@ -35,7 +35,7 @@ def _reverse_bits(x: Words) -> Words:
     return x.byteswap()
 
 
-def _sobol_tables() -> tuple[Words, Words]:
+def _sobol_tables() -> Words:
     """Return Sobol's first two dimensions, bit-reversed, by bit-reversed index of 16 bits."""
     index = np.arange(MAX_POINTS, dtype=np.uint32)
     first = _reverse_bits(index)
@@ -45,10 +45,11 @@ def _sobol_tables() -> tuple[Words, Words]:
         second ^= np.where((index >> bit) & 1, np.uint32(direction), np.uint32(0))
         direction ^= direction >> 1
     order = first >> np.uint32(32 - _INDEX_BITS)
-    return order, _reverse_bits(second).take(order)
+    return np.stack([order, _reverse_bits(second).take(order)])
 
 
 _BY_REVERSED_INDEX = _sobol_tables()
+_AXES = np.array([[0x27D4EB2F], [0x4FA9D65E]], dtype=np.uint32)  # set the two apart
 
 
 def _owen_mix(reversed_bits: Words, seed: Words) -> Words:
@@ -100,9 +101,5 @@ class Points:
         """Return points (n, 2) in [0, 1) of the pair `dimension`."""
         key = _mixed(self._key + np.uint32((dimension * 0xC2B2AE3D + 1) & 0xFFFFFFFF))
         place = _owen_mix(self._index, key) >> np.uint32(32 - _INDEX_BITS)
-        result = np.empty((len(place), 2), order="F")
-        for axis, table in enumerate(_BY_REVERSED_INDEX):
-            own = _mixed(key + np.uint32(0x27D4EB2F * (axis + 1) & 0xFFFFFFFF))
-            bits = _reverse_bits(_owen_mix(table.take(place), own))
-            np.multiply(bits, 2.0**-32, out=result[:, axis])
-        return result
+        points = _BY_REVERSED_INDEX.take(place, axis=1)
+        return (_reverse_bits(_owen_mix(points, _mixed(key + _AXES))) * 2.0**-32).T

@@ -197,7 +197,7 @@ class Geometry:
         ----------
         surface : n points.
         wi : (k, 3) directions towards the light from the points `rows` (k,).
-        cosine : (n,) of the directions from the shading normals.
+        cosine : (n,) of the directions from the shading normals, above 0 at `rows`.
         """
         point, geometric = surface.point, surface.geometric_normal
         epsilon, cutoff = surface.epsilon, surface.cutoff
@@ -205,17 +205,17 @@ class Geometry:
             point, geometric = pick(point, rows), pick(geometric, rows)
             epsilon, cutoff, cosine = epsilon.take(rows), cutoff.take(rows), cosine.take(rows)
         towards = dot(geometric, wi)
-        lifted, amount, flip = _lifted(cosine, towards, cutoff)
-        side = np.where(towards < 0.0, -epsilon, epsilon)
-        side[lifted] = flip * epsilon.take(lifted)
+        lifted, amount = _lifted(cosine, towards, cutoff)
+        side = np.copysign(epsilon, towards)
+        side[lifted] = epsilon.take(lifted)
         origins = geometric * side[:, None]
         origins += point
         if len(lifted):
-            lift = self._terminator_lift(surface, rows.take(lifted), flip)
+            lift = self._terminator_lift(surface, rows.take(lifted))
             origins[lifted] += lift * amount[:, None]
         return origins
 
-    def _terminator_lift(self, surface: Surface, rows: Ints, flip: Floats) -> Floats:
+    def _terminator_lift(self, surface: Surface, rows: Ints) -> Floats:
         """Return the displacement (k, 3) from the flat triangle to its smooth surface.
 
         The height over the triangle is the larger of half a quadratic that bends as the corner
@@ -237,7 +237,7 @@ class Geometry:
         b = dot(n[2] - n[1], p[1] - p[2])
         c = dot(n[1] - n[0], p[1] - p[0])
         quadratic = a * u * (u - 1.0) + (a + b + c) * u * v + b * v * (v - 1.0)
-        outward = np.where(dot(axis, pick(surface.geometric_normal, rows)) * flip > 0.0, 1.0, -1.0)
+        outward = np.where(dot(axis, pick(surface.geometric_normal, rows)) > 0.0, 1.0, -1.0)
         envelope = np.full(len(rows), np.inf)
         for k in range(3):
             corner, tilt = p[k], n[k] * outward[:, None]
@@ -248,18 +248,16 @@ class Geometry:
         return axis * height[:, None]
 
 
-def _lifted(facing: Floats, towards: Floats, cutoff: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return which points are lifted, by how much (0 to 1) and to which side (±1).
+def _lifted(facing: Floats, towards: Floats, cutoff: Floats) -> tuple[Ints, Floats]:
+    """Return which points are lifted, and by how much (0 to 1).
 
-    `facing` and `towards` are the cosines of the light from the shading and geometric normals.
+    `facing` > 0 and `towards` are the cosines of the light from the shading and geometric normals.
     """
-    flip = np.where(facing < 0.0, -1.0, 1.0)
-    facing, below = np.abs(facing), towards * flip
-    near = np.flatnonzero((np.minimum(facing, below) < cutoff) & (cutoff > 0.0))
-    facing, below, cutoff = facing.take(near), below.take(near), cutoff.take(near)
-    amount = np.where(facing < cutoff, 2.0 - (below + facing) / cutoff, 1.0 - below / cutoff)
+    near = np.flatnonzero((np.minimum(facing, towards) < cutoff) & (cutoff > 0.0))
+    facing, towards, cutoff = facing.take(near), towards.take(near), cutoff.take(near)
+    amount = np.where(facing < cutoff, 2.0 - (towards + facing) / cutoff, 1.0 - towards / cutoff)
     some = np.flatnonzero(amount > 0.0)
-    return near[some], np.minimum(amount[some], 1.0), flip[near[some]]
+    return near[some], np.minimum(amount[some], 1.0)
 
 
 def _barycentric(u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:

@@ -153,13 +153,14 @@ def polygon_irradiance(vertices: Array, points: Array, normals: Array) -> Array:
 
 def _edge(a: Array, edge: Array, b: Array, normal: Array) -> Array:
     """Return Θ n·g (n,) of the edges from `a` to `b` = `a` + `edge`, all (3, n)."""
-    x = a[1] * edge[2] - a[2] * edge[1]
-    y = a[2] * edge[0] - a[0] * edge[2]
-    z = a[0] * edge[1] - a[1] * edge[0]
-    height = normal[0] * x + normal[1] * y + normal[2] * z
-    length = np.sqrt(x * x + y * y + z * z)
-    angle = np.arctan2(length, a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-    return angle * height / np.maximum(length, TINY)
+    across = np.empty_like(a)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[j] * edge[k], a[k] * edge[j], out=across[i])
+    length = np.sqrt(dot(across.T, across.T))
+    angle = np.arctan2(length, dot(a.T, b.T))
+    angle *= dot(normal.T, across.T)
+    angle /= np.maximum(length, TINY)
+    return angle
 
 
 def _cut_polygon(
