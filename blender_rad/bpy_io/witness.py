@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import bpy
 import numpy as np
@@ -113,6 +113,30 @@ _REFERENCE: dict[str, Any] = {
     "cycles.texture_limit_render": "OFF",
 }
 
+# Those of them that change the light, by what they are called, in the order to take them back in:
+# what acts on samples first, what acts on the whole picture last.
+BIASING = {
+    "clamp-direct": ("cycles.sample_clamp_direct",),
+    "clamp-indirect": ("cycles.sample_clamp_indirect",),
+    "fast-gi": ("cycles.use_fast_gi",),
+    "bounces": tuple(setting for setting in _REFERENCE if setting.endswith("_bounces")),
+    "denoising": ("cycles.use_denoising",),
+    "adaptive-sampling": ("cycles.use_adaptive_sampling",),
+    "texture-limit": ("cycles.texture_limit_render",),
+    "culling": ("cycles.use_camera_cull", "cycles.use_distance_cull"),
+    "pixel-filter": ("cycles.pixel_filter_type",),
+    "film-exposure": ("cycles.film_exposure",),
+}
+
+
+class TakenBack(NamedTuple):
+    """A setting of the file, and the same seeds' pictures (s, h, w, 3) with and without it."""
+
+    code: str
+    own: Mapping[str, Any]
+    before: NDArray[np.float32]
+    after: NDArray[np.float32]
+
 
 @dataclass
 class CyclesWitness:
@@ -155,12 +179,30 @@ class CyclesWitness:
         if self.threads is not None:
             wanted |= {"render.threads_mode": "FIXED", "render.threads": self.threads}
         for setting, (before, value) in self._differing(wanted):
-            path, name = setting.rsplit(".", 1)
-            setattr(self.bl_scene.path_resolve(path), name, value)
+            self._set(setting, value)
             self.overridden[setting] = (before, value)
         self._only_one_layer()
         if self.shading == "clay":
             make_clay()
+
+    def _set(self, setting: str, value: Any) -> None:
+        path, name = setting.rsplit(".", 1)
+        setattr(self.bl_scene.path_resolve(path), name, value)
+
+    def taken_back(self, pictures: NDArray[np.float32], samples: int) -> Iterator[TakenBack]:
+        """Take back the file's settings that change the light, one after the other, for good.
+
+        `pictures` (s, h, w, 3) are of the seeds 1 to s with all of them: what each does adds up to
+        what they all do.
+        """
+        for code, settings in BIASING.items():
+            if own := {setting: self.kept[setting] for setting in settings if setting in self.kept}:
+                for setting, (_, unbiased) in own.items():
+                    self._set(setting, unbiased)
+                seeds = range(1, len(pictures) + 1)
+                after = np.stack([self.render(seed, samples)[..., :3] for seed in seeds])
+                yield TakenBack(code, {s: value for s, (value, _) in own.items()}, pictures, after)
+                pictures = after
 
     def _differing(self, wanted: Mapping[str, Any]) -> Iterator[tuple[str, tuple[Any, Any]]]:
         """Yield settings of this Blender that are not as wanted, each with both values."""

@@ -189,6 +189,7 @@ class CheckOptions(PictureCommand, verb="check"):
         That is measured: the same seeds once more, each time with one of them less.
         """
         from ..compare.claims import TILE_TOLERANCES
+        from ..compare.diagnosis import NEGLIGIBLE
         from ..compare.effects import effect_of
 
         named = set[str]()
@@ -196,7 +197,7 @@ class CheckOptions(PictureCommand, verb="check"):
         if result.comparison.verdict == "differ" and result.witness_samples:
             pictures = result.pictures[:TAKEN_BACK_SEEDS]
             for code, own, *both in witness.taken_back(pictures, result.witness_samples):
-                effect, percent = effect_of(*both), 100.0 * self.tolerance
+                effect, percent = effect_of(*both), 100.0 * NEGLIGIBLE * self.tolerance
                 severe = effect.is_beyond(percent, TILE_TOLERANCES * percent)
                 listed = ", ".join(f"{name.split('.')[1]} {value}" for name, value in own.items())
                 message = f"{code.replace('-', ' ')} left on in the witness ({listed}): {effect}"

@@ -41,6 +41,7 @@ from .promised import (  # noqa: E402
     tree,
     world,
 )
+from .reading import CUBE  # noqa: E402
 
 FILES = {"report.html", "report.json", "ours.exr", "cycles.exr", "difference.exr"}
 NAME = "<b>'Lámp☀\" & co"
@@ -99,8 +100,16 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("check_scenes")
 
     def cycles(**settings: Any) -> None:
-        for name, value in {"pixel_filter_type": 'BOX', **settings}.items():
+        plain = {"pixel_filter_type": 'BOX', "use_denoising": False, "max_bounces": 0}
+        for name, value in {**plain, **settings}.items():
             setattr(bpy.context.scene.cycles, name, value)
+
+    def room() -> None:
+        mesh = bpy.data.meshes.new("Room")
+        corners, faces = CUBE
+        mesh.from_pydata([(6 * x, 6 * y, 2.5 + 3.5 * z) for x, y, z in corners], [], faces)
+        mesh.materials.append(bpy.data.materials["Floor"])
+        link("Room", mesh)
 
     def instances() -> None:
         lamps = bpy.data.collections.new("Lamps")
@@ -132,6 +141,13 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "hidden": (point, lambda: setattr(panel(), "hide_render", True)),
         "exposed": (point, panel, partial(cycles, film_exposure=2.0)),
         "clamped": (point, panel, partial(cycles, sample_clamp_direct=0.2)),
+        "closed": (point, room, partial(cycles, max_bounces=4)),
+        "ambient": (
+            point,
+            partial(world, "Black", (0.0, 0.0, 0.0)),
+            partial(cycles, use_fast_gi=True, fast_gi_method='ADD'),
+        ),
+        "filtered": (point, panel, partial(cycles, pixel_filter_type='GAUSSIAN', filter_width=5.0)),
         "names": (partial(point, NAME), partial(world, "Himmel <i>", (0.2, 0.2, 0.2))),
         "coincident": (partial(point, "Left"), partial(point, "Right")),
         "instances": (instances,),
@@ -267,18 +283,37 @@ def test_soft_falloff_is_named(tmp_path: Path) -> None:
     ) or "%" in str(lights(document)["Soft"]["diagnosis"])
 
 
+OWN = {
+    "exposed": ("film-exposure", "film exposure"),
+    "clamped": ("clamp-direct", "clamp direct left on"),
+    "closed": ("bounces", "bounces left on"),
+    "ambient": ("fast-gi", "fast gi left on"),
+    "filtered": ("pixel-filter", "pixel filter left on"),
+}
+
+
 @pytest.mark.parametrize(
-    ("name", "word", "factor"), [("exposed", "exposure", 2.0), ("clamped", "clamp", None)]
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n in ("closed", "filtered"))) for n in OWN],
 )
-def test_own_settings_are_named(
-    files: dict[str, Path], name: str, word: str, factor: float | None
-) -> None:
-    document = blender_rad.check(files[name], witness_settings="file", samples=64)
+def test_own_settings_are_named_and_explain_the_energy(files: dict[str, Path], name: str) -> None:
+    document = blender_rad.check(files[name], witness_settings="file", samples=32)
     assert document["verdict"] == "differ"
-    assert word in told(document).lower()
-    if factor:
+    code, words = OWN[name]
+    named = {f["code"]: f for f in document["findings"] if f["severity"] == "error"}
+    assert words in told(document).lower().replace("-", " ")
+    assert code in named, document["findings"]
+    assert not set(named) & {code for code, _ in OWN.values()} - {code}, "nothing else is blamed"
+    if name != "filtered":
+        ours_over_theirs = document["metrics"]["energy_ratio"]
+        explained = 1 + named[code]["effect_percent"] / 100
+        assert math.isclose(explained * ours_over_theirs, 1, rel_tol=0.01)
+    overridden = set(document["settings"]["overridden"])
+    assert "render.use_compositing" in overridden
+    assert not {name for name in overridden if "bounces" in name or "clamp" in name}
+    if name == "exposed":
         for row in document["lights"]:
-            assert math.isclose(row["scale_in_witness"], factor, rel_tol=0.02)
+            assert math.isclose(row["scale_in_witness"], 2.0, rel_tol=0.02)
 
 
 def test_clay(files: dict[str, Path]) -> None:
