@@ -76,8 +76,8 @@ def _load(file: Path, load_ui: bool) -> None:
         with interrupt_later(), quiet_stdout(errors=True):
             if imported:
                 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-                lighting = "export_import_convert_lighting_mode"
-                bpy.ops.import_scene.gltf(filepath=path, **{lighting: 'SPEC'})
+                gltf: Any = bpy.ops.import_scene.gltf
+                gltf(filepath=path, export_import_convert_lighting_mode='SPEC')
             else:
                 bpy.ops.wm.open_mainfile(filepath=path, load_ui=load_ui, use_scripts=False)
     except RuntimeError as error:
@@ -104,7 +104,8 @@ def _default_intensities(file: Path) -> None:
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
     lights = json.loads(content).get("extensions", {}).get("KHR_lights_punctual", {})
     stated = [light.get("intensity") for light in lights.get("lights", [])]
-    for bl_light in bpy.data.lights if None in stated else ():
+    bl_lights: Any = bpy.data.lights if None in stated else ()
+    for bl_light in bl_lights:
         one: float = 1.0 / GLTF_LM_W if bl_light.type == 'SUN' else 4.0 * math.pi / GLTF_LM_W
         given = (value * one for value in stated if value is not None)
         if not any(math.isclose(bl_light.energy, power, rel_tol=1e-6) for power in given):
