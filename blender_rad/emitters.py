@@ -4,14 +4,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .lights import Light
 from .lights.mesh import MeshLight
 from .lights.world import WHOLE, Portal, WorldLight
 from .rays import transform_points
-from .scene import Instance, Material, Scene, Unsupported
+from .scene import Instance, Material, Mesh, Scene, Unsupported
+from .shading import Ints, context_on
+from .textures import Expression
 
 WORLD_NAME = "World"
 
@@ -57,11 +62,6 @@ def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
     return found + [Emitter(light, -1, cause) for light, cause in unknown], names
 
 
-def _emitting_slots(scene: Scene, instance: Instance) -> list[tuple[int, Material]]:
-    """Return the slots whose material lights other surfaces."""
-    if not instance.visible_diffuse or instance.proxy:
-        return []
-    materials = [(k, scene.materials[m]) for k, m in enumerate(instance.materials)]
 def world_lights(scene: Scene) -> list[WorldLight]:
     """Return the known background in parts that add up: uniform, by direction, suns' discs."""
     world = scene.world
@@ -86,16 +86,35 @@ def world_lights(scene: Scene) -> list[WorldLight]:
     ]
 
 
+def _emitting_slots(scene: Scene, instance: Instance) -> list[tuple[int, Material]]:
+    """Return the slots whose material lights other surfaces."""
+    if not instance.visible_diffuse or instance.proxy:
+        return []
+    materials = [(k, scene.materials[m]) for k, m in enumerate(instance.materials)]
     return [(k, m) for k, m in materials if m.emits or not m.emission_known]
 
 
 def _mesh_light(scene: Scene, instance: Instance, slot: int, material: Material) -> Light:
     mesh = scene.meshes[instance.mesh]
     last = len(instance.materials) - 1
-    chosen = mesh.triangles[np.minimum(mesh.slots, last) == slot]
+    chosen = np.flatnonzero(np.minimum(mesh.slots, last) == slot)
     vertices = transform_points(instance.world_from_object, mesh.vertices)
     rgb = np.array(material.emission) if material.emission_known else np.ones(3)
-    return MeshLight(name=instance.name, rgb=rgb, triangles=vertices[chosen])
+    triangles = vertices[mesh.triangles[chosen]]
+    if material.emission_texture is None or not material.emission_known:
+        return MeshLight(name=instance.name, rgb=rgb, triangles=triangles)
+    texture = partial(_glow, mesh, instance, material, chosen)
+    return MeshLight(name=instance.name, rgb=np.ones(3), triangles=triangles, texture=texture)
+
+
+def _glow(
+    mesh: Mesh, instance: Instance, material: Material, chosen: Ints, *at: Any
+) -> NDArray[np.float64]:
+    """Return the radiance of chosen triangles: `MeshLight.texture`."""
+    triangle, uv, incoming = at
+    context = context_on(mesh, instance, chosen[triangle], uv, incoming)
+    varying = cast("Expression", material.emission_texture)
+    return np.array(material.emission) + varying.rgb(context, len(triangle))
 
 
 def _cause(found: tuple[Unsupported, ...], kind: str, name: str) -> Unsupported:

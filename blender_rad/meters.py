@@ -324,6 +324,7 @@ class _Few:
             triangle=zeros,
             u=nought,
             v=nought,
+            incoming=normal,
             epsilon=self.lift[rows],
             cutoff=nought,
         )

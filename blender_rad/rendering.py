@@ -31,6 +31,7 @@ from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Scene, Unsupported
 from .surfaces import Surface, dot, normalized, pick
+from .shading import Shading
 from .transparency import shaded_layers
 
 Floats = NDArray[np.float64]
@@ -123,8 +124,14 @@ class _Run:
     ) -> None:
         self.scene, self.camera, self.settings = scene, camera, settings
         self.light = light
-        self.albedo = np.array([m.albedo for m in scene.materials]).reshape(-1, 3)
-        self.emission = np.array([m.emission for m in scene.materials]).reshape(-1, 3)
+        materials, geometry = scene.materials, light.geometry
+        self.albedo, self.emission = (
+            Shading(scene, geometry, colours, textures)
+            for colours, textures in (
+                ([m.albedo for m in materials], [m.albedo_texture for m in materials]),
+                ([m.emission for m in materials], [m.emission_texture for m in materials]),
+            )
+        )
         self.unsupported = [m.unsupported for m in scene.materials]
         self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
         self.inside = _inside(scene)
@@ -309,7 +316,7 @@ class _Run:
                 self._exclude(batch, batch.hits[surface.material == material], cause)
         if not any(self.scene.materials[m].emits for m in materials):
             return np.zeros_like(surface.point)
-        emission = pick(self.emission, surface.material)
+        emission = self.emission.at(surface)
         glowing = np.flatnonzero(emission.any(axis=1))
         layer = self.layer_of.take(surface.instance)
         for index in np.unique(layer[glowing]):
@@ -328,7 +335,7 @@ class _Run:
         self, batch: Batch, surface: Surface, share: Share, points: Points, passed: int
     ) -> Floats:
         """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
-        brdf = pick(self.albedo / np.pi, surface.material)
+        brdf: Floats = np.divide(self.albedo.at(surface), np.pi, order="F")
         irradiance = np.zeros_like(brdf)
         own = self.light.arrivals(surface, share, lambda k: points.pair(k + 1), passed)
         for arrival in own:

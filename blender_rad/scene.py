@@ -37,8 +37,9 @@ class Material:
 
     Attributes
     ----------
-    albedo : (3,) Lambert reflectance, f_r = albedo/π [1/sr].
-    emission : (3,) radiance [W/(m² sr)], from both faces.
+    albedo, albedo_texture : (3,) Lambert reflectance, f_r = albedo/π [1/sr], and what to add to it
+        where it varies.
+    emission, emission_texture : (3,) radiance [W/(m² sr)], from both faces, and what varies.
     opaque : False where a shadow ray may pass in a way that is not known.
     transmittance : (3,) share of the light that passes straight through.
     unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
@@ -53,10 +54,12 @@ class Material:
     transmittance: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission_known: bool = True
     unsupported: tuple[Unsupported, ...] = ()
+    albedo_texture: Expression | None = None
+    emission_texture: Expression | None = None
 
     @property
     def emits(self) -> bool:
-        return any(channel != 0.0 for channel in self.emission)
+        return self.emission_texture is not None or any(self.emission)
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,8 @@ class Mesh:
     normals: NDArray[np.float32] | None
     smooth: NDArray[np.bool_]
     slots: NDArray[np.int32]
-    uvs: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    attributes: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    texture_space: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class Surface:
     instance : (n,) index into `Scene.instances`.
     triangle : (n,) index into the geometry's triangles.
     u, v : (n,) barycentric weights of the second and third corner.
+    incoming : (n, 3) towards the viewer.
     epsilon : (n,) [bu] how far a ray's origin must leave the surface.
     cutoff : (n,) cosine below which the shadow terminator offset acts, 0 where it does not.
     """
@@ -55,6 +56,7 @@ class Surface:
     triangle: Ints
     u: Floats
     v: Floats
+    incoming: Floats
     epsilon: Floats
     cutoff: Floats
 
@@ -99,7 +101,12 @@ def normalized(vectors: Floats) -> Floats:
 
 
 class Geometry:
-    """All triangles of a scene in one set of arrays."""
+    """All triangles of a scene in one set of arrays.
+
+    Attributes
+    ----------
+    first : (instances,) index of the first triangle of each one's mesh.
+    """
 
     def __init__(self, scene: Scene) -> None:
         meshes, instances = scene.meshes, scene.instances
@@ -119,7 +126,7 @@ class Geometry:
         normals = [_moved_normals(m.normals, moves.get(k)) for k, m in enumerate(meshes)]
         self._normals = _end_to_end([n for n in normals if n is not None], (0, 3, 3), np.float32)
         starts = _starts([len(m.triangles) for m in meshes])
-        self._first = np.array([starts[i.mesh] for i in instances], dtype=np.int64)
+        self.first = np.array([starts[i.mesh] for i in instances], dtype=np.int64)
         self._in_world = np.array(in_world, dtype=bool)
         matrices = np.array([i.world_from_object for i in instances]).reshape(-1, 4, 4)
         self._matrix = matrices[:, :3]
@@ -136,7 +143,7 @@ class Geometry:
 
     def surface(self, hits: Hits, directions: Floats) -> Surface:
         """Return what rays along `directions` (n, 3) met; all `hits` are hits."""
-        triangle = self._first.take(hits.instance) + hits.triangle
+        triangle = self.first.take(hits.instance) + hits.triangle
         corners = self._vertices.take(self._corners.take(triangle, axis=0), axis=0)
         moved = np.flatnonzero(~self._in_world.take(hits.instance))
         if len(moved):
@@ -162,6 +169,7 @@ class Geometry:
             triangle=triangle,
             u=hits.u,
             v=hits.v,
+            incoming=-directions,
             epsilon=RAY_OFFSET * (size + self._distance.take(hits.instance)),
             cutoff=self._lifted.take(triangle) * self._geometry_offset.take(hits.instance),
         )

@@ -20,9 +20,9 @@ def make_clay() -> None:
     Node trees are replaced rather than slots, so that linked materials and those that geometry
     nodes set turn as well. View layers may override materials: the override turns like the rest.
     """
-    for bl_material in bpy.data.materials:
-        if not bl_material.is_grease_pencil:
-            _rebuild(bl_material, read_material(bl_material, "clay"))
+    paints = [m for m in bpy.data.materials if not m.is_grease_pencil]
+    for bl_material, clay in [(m, read_material(m, "clay")) for m in paints]:
+        _rebuild(bl_material, clay)
     bare = bpy.data.materials.new(_NAME)
     _rebuild(bare, Material(_NAME, albedo=(CLAY_ALBEDO, CLAY_ALBEDO, CLAY_ALBEDO)))
     tree = _cover_tree(bare)
@@ -37,22 +37,53 @@ def _rebuild(bl_material: Any, clay: Material) -> None:
         bl_material.use_nodes = True
     tree = bl_material.node_tree
     output = tree.get_output_node('CYCLES') or tree.nodes.new('ShaderNodeOutputMaterial')
-    stale = {"Volume", "Displacement"} | ({"Surface"} if clay.emission_known else set())
+    kept = not clay.emission_known or clay.emission_texture is not None
+    stale = {"Volume", "Displacement"} | (set() if kept else {"Surface"})
     bl_material.use_transparent_shadow = False
     for link in [link for link in tree.links if link.to_node == output]:
         if link.to_socket.name in stale:
             tree.links.remove(link)
     if clay.emission_known:
+        _keep_emission(output.inputs["Surface"])
         _shade(tree, output.inputs["Surface"], clay)
+
+
+def _keep_emission(surface: Any) -> None:
+    """Leave nothing of the closures behind a socket but what they emit."""
+    for leaf in list(nodes.leaves(surface)):
+        node, tree = leaf.node, leaf.node.id_data
+        if node.bl_idname == "ShaderNodeEmission":
+            continue
+        targets = [link.to_socket for link in node.outputs[0].links]
+        for link in list(node.outputs[0].links):
+            tree.links.remove(link)
+        if node.bl_idname != "ShaderNodeBsdfPrincipled":
+            continue
+        glow, dim = tree.nodes.new('ShaderNodeEmission'), tree.nodes.new('ShaderNodeMath')
+        dim.operation = 'MULTIPLY'
+        tree.links.new(dim.outputs[0], glow.inputs["Strength"])
+        for name, to in (
+            ("Emission Color", glow.inputs["Color"]),
+            ("Emission Strength", dim.inputs[0]),
+            ("Alpha", dim.inputs[1]),
+        ):
+            to.default_value = node.inputs[name].default_value
+            for link in node.inputs[name].links:
+                tree.links.new(link.from_socket, to)
+        for target in targets:
+            tree.links.new(glow.outputs[0], target)
 
 
 def _shade(tree: Any, surface: Any, clay: Material) -> None:
     """Link Lambert reflection and emission, as far as `clay` has them, to `surface`."""
     add = tree.nodes.new('ShaderNodeAddShader')
+    emission = () if surface.links else clay.emission
+    for link in surface.links:
+        tree.links.new(link.from_socket, add.inputs[1])
     tree.links.new(add.outputs[0], surface)
     for kind, rgb, name, value, to in (
         ('ShaderNodeBsdfDiffuse', clay.albedo, "Roughness", 0.0, add.inputs[0]),
-        ('ShaderNodeEmission', clay.emission, "Strength", 1.0, add.inputs[1]),
+        ('ShaderNodeEmission', emission, "Strength", 1.0, add.inputs[1]),
     ):
         if any(rgb):
             closure = tree.nodes.new(kind)

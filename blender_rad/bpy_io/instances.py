@@ -16,6 +16,7 @@ from ..lights import Light, Model
 from ..lights._base import LightRecord, light_from_record
 from ..scene import Instance, Material, Mesh, Unsupported
 from .arrays import floats, matrix
+from .expressions import IMAGES
 from .lights import NOT_FINITE, light_record, linked
 from .materials import Shading, Surface, clay, full, surface_of
 from .meshes import box_mesh, read_mesh
@@ -70,6 +71,7 @@ class Reader:
     findings: list[Finding] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        IMAGES.clear()
         self._scene = self.depsgraph.scene
         self._layer = self.depsgraph.view_layer
         self._twins = {

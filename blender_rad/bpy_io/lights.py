@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,9 @@ from numpy.typing import NDArray
 
 from ..lights._base import LightRecord
 from . import nodes
+from .expressions import plain_properties
 from .ies import ies_emission
 
-_COPIED = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _NODES = "node_emission"
 NOT_FINITE = "its position, energy or size is not finite"
 
@@ -35,8 +34,8 @@ def light_record(
     is not known does not. An IES texture comes as ``ies_text``, ``ies_frame``.
     """
     light = bl_object.data
-    properties = _properties(light)
-    properties |= {f"cycles.{key}": value for key, value in _properties(light.cycles).items()}
+    properties = plain_properties(light)
+    properties |= {f"cycles.{key}": value for key, value in plain_properties(light.cycles).items()}
     unknown = None
     if nodes.uses_nodes(light):
         emission, ies, unknown = _emission(light, world_from_light)
@@ -70,16 +69,3 @@ def linked(bl_object: Any) -> bool:
     """Return whether the object lights, or is shadowed by, chosen objects only."""
     linking = bl_object.light_linking
     return bool(linking and (linking.receiver_collection or linking.blocker_collection))
-
-
-def _properties(block: Any) -> dict[str, Any]:
-    """Return the plain properties of a data block by name; vectors as tuples."""
-    found: dict[str, Any] = {}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        for prop in block.bl_rna.properties:
-            if prop.type in _COPIED:
-                value = getattr(block, prop.identifier)
-                vector = getattr(prop, "array_length", 0) > 0
-                found[prop.identifier] = tuple(value) if vector else value
-    return found

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import bpy
 
 from ..scene import CLAY_ALBEDO, Material, Unsupported
+from ..textures import Expression, constant
 from . import nodes
 from .nodes import BLACK, Leaf, Triple
 
@@ -31,10 +32,10 @@ class Surface:
     Attributes
     ----------
     name : of the material.
-    albedo : (3,) of the constant Lambert parts.
-    emission : (3,) constant radiance [W/(m² sr)].
+    albedo, albedo_texture : (3,) of the constant Lambert parts, and of those that vary.
+    emission, emission_texture : (3,) constant radiance [W/(m² sr)], and what varies.
     reflects : whether any closure does something else than emit.
-    unknown_emission : what emits in a way that is not constant; empty when nothing does.
+    unknown_emission : what emits in a way that is not known; empty when nothing does.
     unknown_volume_emission : the same for the volume.
     features : closures and settings that are not Lambert.
     transmittance : (3,) what passes it straight, as far as it is constant.
@@ -55,11 +56,14 @@ class Surface:
     transmits: bool = False
     subsurface: bool = False
     displaced: bool = False
+    albedo_texture: Expression | None = None
+    emission_texture: Expression | None = None
 
     @property
     def may_emit(self) -> bool:
         """Whether its surface emits, as far as is known."""
-        return self.emission != BLACK or bool(self.unknown_emission)
+        known = self.emission != BLACK or self.emission_texture is not None
+        return known or bool(self.unknown_emission)
 
 
 def read_material(bl_material: Any | None, shading: Shading) -> Material:
@@ -75,7 +79,9 @@ def full(surface: Surface) -> Material:
     return Material(
         name=surface.name,
         albedo=surface.albedo,
+        albedo_texture=surface.albedo_texture,
         emission=surface.emission,
+        emission_texture=surface.emission_texture,
         opaque=not surface.passes_shadow,
         transmittance=surface.transmittance,
         emission_known=not emission,
@@ -94,6 +100,7 @@ def clay(surface: Surface) -> Material:
         name=surface.name,
         albedo=nodes.grey(CLAY_ALBEDO) if reflects else BLACK,
         emission=surface.emission,
+        emission_texture=surface.emission_texture,
         emission_known=not unknown,
         unsupported=(Unsupported("material", surface.name, unknown),) if unknown else (),
     )
@@ -133,12 +140,16 @@ def _from_output(bl_material: Any, output: Any) -> Surface:
     passing = [_transmittance(leaf) for leaf in closures]
     passes = any(rgb != BLACK for rgb in passing)
     half = passes and not bl_material.use_transparent_shadow  # Cycles' BSDF sampling sees through
+    albedo, albedo_texture = nodes.split(rgb for _, rgb in lambert if rgb)
+    emission, emission_texture = nodes.split(rgb for _, rgb in glowing if rgb)
     return Surface(
         name=bl_material.name,
-        albedo=nodes.total(rgb for _, rgb in lambert if rgb),
-        emission=nodes.total(rgb for _, rgb in glowing if rgb),
+        albedo=albedo,
+        albedo_texture=albedo_texture,
+        emission=emission,
+        emission_texture=emission_texture,
         reflects=bool(others),
-        unknown_emission=f"Emission of {unknown[0]}, not constant" if unknown else "",
+        unknown_emission=f"Emission of {unknown[0]}" if unknown else "",
         unknown_volume_emission="Volume emission" if any(map(_volume_emits, volume)) else "",
         features=tuple(features),
         transmittance=nodes.total(rgb for rgb in passing if rgb),
@@ -149,37 +160,35 @@ def _from_output(bl_material: Any, output: Any) -> Surface:
     )
 
 
-def _lambert(leaf: Leaf) -> Triple | None:
-    """Return the albedo of a plain constant Diffuse BSDF, None for what is not known."""
+def _lambert(leaf: Leaf) -> Expression | None:
+    """Return the albedo of a plain Diffuse BSDF, None for what is not known."""
     if leaf.node.bl_idname == _TRANSPARENT and _transmittance(leaf) is not None:
-        return BLACK
+        return nodes.NOTHING
     if leaf.node.bl_idname != "ShaderNodeBsdfDiffuse" or leaf.weight is None:
         return None
-    rgb = nodes.colour(leaf.node.inputs["Color"], leaf.groups)
+    rgb = nodes.read(leaf.node.inputs["Color"], leaf.groups)
     rough = nodes.input_number(leaf, "Roughness")
     tilted = nodes.source(leaf.node.inputs["Normal"], leaf.groups).output is not None
-    if rgb is None or rough != 0.0 or tilted:
-        return None
-    return nodes.scaled(rgb, leaf.weight)
+    return None if rgb is None or rough != 0.0 or tilted else leaf.weight * rgb
 
 
-def _emission(leaf: Leaf) -> Triple | None:
-    """Return the radiance that a closure emits, None when it may emit and is not constant."""
+def _emission(leaf: Leaf) -> Expression | None:
+    """Return the radiance that a closure emits, None when it may emit and is not known."""
     kind = leaf.node.bl_idname
     if kind == "ShaderNodeEmission":
         return nodes.leaf_emission(leaf)
     if kind == "ShaderNodeScript":
         return None
     if kind != _PRINCIPLED:
-        return BLACK
+        return nodes.NOTHING
     rgb = nodes.leaf_emission(leaf, "Emission Strength", "Emission Color")
     layers = [nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")]
     alpha = nodes.input_number(leaf, "Alpha", 1.0)
-    if rgb is None or rgb == BLACK:
+    if rgb is None or nodes.is_zero(rgb):
         return rgb
     if alpha is None or layers != [0.0, 0.0]:
         return None
-    return nodes.scaled(rgb, min(max(alpha, 0.0), 1.0))
+    return rgb * constant(min(max(alpha, 0.0), 1.0))
 
 
 def _transmittance(leaf: Leaf) -> Triple | None:
@@ -193,9 +202,10 @@ def _transmittance(leaf: Leaf) -> Triple | None:
         rgb = None if alpha is None or thin else nodes.grey(1.0 - min(max(alpha, 0.0), 1.0))
     else:
         rgb = None if kind in _ALWAYS_PASS else BLACK
-    if rgb is None or leaf.weight is None:
+    share = leaf.share
+    if rgb is None or share is None:
         return rgb if rgb == BLACK else None
-    rgb = nodes.scaled(rgb, leaf.weight)
+    rgb = nodes.scaled(rgb, share)
     return rgb if sum(rgb) >= 3.0 * _CLOSURE_CUTOFF else BLACK
 
 

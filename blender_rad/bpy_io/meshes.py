@@ -10,8 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene import Mesh
+from ..textures import COLOUR, UV
 from .arrays import booleans, floats, integers
 
+_INTERNAL = {"position", "material_index", "sharp_face"}
+_ATTRIBUTES = {
+    "FLOAT": ("value", 1),
+    "FLOAT2": ("vector", 2),
+    "FLOAT_VECTOR": ("vector", 3),
+    "FLOAT_COLOR": ("color", 4),
+    "BYTE_COLOR": ("color", 4),
+}
 _BOX_CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 _BOX_QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
@@ -41,7 +50,8 @@ def read_mesh(bl_mesh: Any) -> tuple[Mesh, int]:
         normals=_normals(bl_mesh, vertices, triangles, corners, smooth),
         smooth=smooth,
         slots=np.zeros(len(faces), np.int32) if slots is None else np.maximum(slots[faces], 0),
-        uvs={layer.name: floats(layer.uv, "vector", 2)[corners] for layer in bl_mesh.uv_layers},
+        attributes=_attributes(bl_mesh, triangles, corners, faces),
+        texture_space=(np.array(bl_mesh.texspace_location), np.array(bl_mesh.texspace_size)),
     )
     return mesh, int(np.count_nonzero(~keep))
 
@@ -62,6 +72,29 @@ def _face_values(bl_mesh: Any, name: str, dtype: type) -> NDArray[Any] | None:
         return None
     read = booleans if dtype is np.bool_ else integers
     return read(attribute.data, "value")
+
+
+def _attributes(
+    bl_mesh: Any,
+    triangles: NDArray[np.int32],
+    corners: NDArray[np.int32],
+    faces: NDArray[np.int32],
+) -> dict[str, NDArray[np.float32]]:
+    """Return what nodes can look up by name, (m, 3, k) at the corners of triangles."""
+    places = {"POINT": triangles, "CORNER": corners, "FACE": np.repeat(faces[:, None], 3, axis=1)}
+    found: dict[str, NDArray[np.float32]] = {}
+    for attribute in bl_mesh.attributes:
+        if attribute.domain in places and attribute.data_type in _ATTRIBUTES:
+            if attribute.name not in _INTERNAL and not attribute.name.startswith("."):
+                values = floats(attribute.data, *_ATTRIBUTES[attribute.data_type])
+                found[attribute.name] = values[places[attribute.domain]]
+    for layer in bl_mesh.uv_layers:
+        if layer.active_render:
+            found[UV] = found[layer.name]
+    colours = bl_mesh.color_attributes
+    if colours.render_color_index >= 0:
+        found[COLOUR] = found[colours[colours.render_color_index].name]
+    return found
 
 
 def _smooth(bl_mesh: Any) -> NDArray[np.bool_]:

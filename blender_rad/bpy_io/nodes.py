@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader node trees: where a socket's value comes from, and the closures that reach an output."""
+"""Shader node trees: the closures that reach an output, with their weights and inputs."""
 
 from __future__ import annotations
 
@@ -8,97 +8,63 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
-Groups = tuple[Any, ...]
+from ..textures import Expression, constant, folded
+from .expressions import Groups, UnknownNodeError, expression, source
+
 Triple = tuple[float, float, float]
 BLACK: Triple = (0.0, 0.0, 0.0)
-
-
-class Source(NamedTuple):
-    """What a socket gets: the output that feeds it, or the socket whose own value counts.
-
-    Attributes
-    ----------
-    socket : the last input followed.
-    output : the node output behind it, None when nothing is linked.
-    groups : the group nodes that were entered on the way, outermost first.
-    """
-
-    socket: Any
-    output: Any | None
-    groups: Groups
+Weight = Expression | None
+WHOLE, NOTHING = constant(1.0), constant(0.0)
 
 
 class Leaf(NamedTuple):
-    """A closure node with the factor that Mix Shaders put before it, None when not constant."""
+    """A closure node with the factor that Mix Shaders put before it, None when not known."""
 
     node: Any
-    weight: float | None
+    weight: Weight
     groups: Groups
 
-
-def source(socket: Any, groups: Groups = ()) -> Source:
-    """Follow `socket` through reroutes, groups and muted nodes to what gives its value."""
-    while True:
-        link = next((link for link in socket.links if not link.is_muted), None)
-        if link is None:
-            return Source(socket, None, groups)
-        output, node = link.from_socket, link.from_node
-        if node.mute:
-            inside = (i.from_socket for i in node.internal_links if i.to_socket == output)
-            behind = next(inside, None)
-        elif node.bl_idname == "NodeReroute":
-            behind = node.inputs[0]
-        elif node.bl_idname == "NodeGroupInput" and groups:
-            behind, groups = _same(groups[-1].inputs, output), groups[:-1]
-        elif node.bl_idname == "ShaderNodeGroup":
-            behind, groups = _group_result(node, output), (*groups, node)
-        else:
-            return Source(socket, output, groups)
-        if behind is None:
-            return Source(socket, None, groups)
-        socket = behind
+    @property
+    def share(self) -> float | None:
+        """The factor, None where it is not constant."""
+        value = self.weight and self.weight.value
+        return None if value is None else float(value[0, 0])
 
 
-def _same(sockets: Any, wanted: Any) -> Any | None:
-    return next((s for s in sockets if s.identifier == wanted.identifier), None)
-
-
-def _group_result(group: Any, output: Any) -> Any | None:
-    nodes = group.node_tree.nodes if group.node_tree else ()
-    ends = (n for n in nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
-    return next((_same(end.inputs, output) for end in ends), None)
+def read(socket: Any, groups: Groups = ()) -> Expression | None:
+    """Return what computes the value that `socket` gets, None where a node is not known."""
+    try:
+        return expression(socket, groups)
+    except UnknownNodeError:
+        return None
 
 
 def number(socket: Any, groups: Groups = ()) -> float | None:
     """Return the constant number that `socket` gets, None when it is not constant."""
     value = _constant(socket, groups)
-    return float(value) if isinstance(value, int | float) else None
+    return None if value is None or value.size > 1 else float(value[0, 0])
 
 
 def colour(socket: Any, groups: Groups = ()) -> Triple | None:
     """Return the constant colour that `socket` gets, None when it is not constant."""
     value = _constant(socket, groups)
-    if value is None or isinstance(value, int | float):
-        return None if value is None else grey(float(value))
-    return (float(value[0]), float(value[1]), float(value[2]))
+    return None if value is None else triple(value)
 
 
-def _constant(socket: Any, groups: Groups) -> Any:
-    end, output, _ = source(socket, groups)
-    if output is None:
-        return getattr(end, "default_value", None)
-    if output.node.bl_idname in {"ShaderNodeValue", "ShaderNodeRGB"}:
-        return output.default_value
-    return None
+def _constant(socket: Any, groups: Groups) -> NDArray[np.float64] | None:
+    found = read(socket, groups)
+    return found and found.value
 
 
-def leaves(socket: Any, groups: Groups = (), weight: float | None = 1.0) -> Iterator[Leaf]:
+def leaves(socket: Any, groups: Groups = (), weight: Weight = WHOLE) -> Iterator[Leaf]:
     """Yield the closures behind `socket`; branches that a constant factor of 0 or 1 cuts are out.
 
     Add Shader adds; Mix Shader weighs with its factor clipped to [0, 1], as Cycles does.
     """
-    output, groups = source(socket, groups)[1:]
+    output, groups = source(socket, groups)[1:3]
     if output is None:
         return
     node = output.node
@@ -106,15 +72,20 @@ def leaves(socket: Any, groups: Groups = (), weight: float | None = 1.0) -> Iter
         for branch in node.inputs:
             yield from leaves(branch, groups, weight)
     elif node.bl_idname == "ShaderNodeMixShader":
-        factor = number(node.inputs[0], groups)
-        second = None if factor is None else min(max(factor, 0.0), 1.0)
-        first = None if second is None else 1.0 - second
+        factor = read(node.inputs[0], groups)
+        second = factor and folded(Expression("CLIP", inputs={"a": factor}))
+        first = second and second * constant(-1.0) + WHOLE
         for branch, share in ((node.inputs[1], first), (node.inputs[2], second)):
-            if share != 0.0:
-                product = None if share is None or weight is None else weight * share
+            product = share and weight and weight * share
+            if not is_zero(product):
                 yield from leaves(branch, groups, product)
     else:
         yield Leaf(node, weight, groups)
+
+
+def is_zero(found: Expression | None) -> bool:
+    """Return whether an expression is known to be 0 everywhere."""
+    return found is not None and found.value is not None and not found.value.any()
 
 
 def input_number(leaf: Leaf, name: str, missing: float = 0.0) -> float | None:
@@ -122,18 +93,17 @@ def input_number(leaf: Leaf, name: str, missing: float = 0.0) -> float | None:
     return number(leaf.node.inputs[name], leaf.groups) if name in leaf.node.inputs else missing
 
 
-def leaf_emission(leaf: Leaf, strength: str = "Strength", tint: str = "Color") -> Triple | None:
-    """Return weight · colour · strength of an emitting leaf (3,), None when it is not constant.
+def leaf_emission(leaf: Leaf, strength: str = "Strength", tint: str = "Color") -> Expression | None:
+    """Return weight · colour · strength of an emitting leaf, None where a node is not known.
 
-    What is surely nothing is 0 even where the other factors are not constant.
+    What is surely nothing is 0 even where the other factors are not known.
     """
-    power = input_number(leaf, strength)
-    rgb = colour(leaf.node.inputs[tint], leaf.groups)
-    if power == 0.0 or rgb == BLACK:
-        return BLACK
+    power, rgb = (read(leaf.node.inputs[name], leaf.groups) for name in (strength, tint))
+    if is_zero(power) or is_zero(rgb):
+        return NOTHING
     if power is None or rgb is None or leaf.weight is None:
         return None
-    return scaled(rgb, leaf.weight * power)
+    return leaf.weight * power * rgb
 
 
 def grey(value: float) -> Triple:
@@ -152,21 +122,44 @@ def total(parts: Iterable[Triple]) -> Triple:
     return (sum(red), sum(green), sum(blue))
 
 
-def uniform_emission(tree: Any, kinds: set[str]) -> tuple[Triple, str | None]:
-    """Return the constant emission of a world's or a light's `tree`, and what in it is not.
+def triple(value: NDArray[np.float64]) -> Triple:
+    """Return a constant, (1, 1) or (1, 3), as a colour."""
+    red, green, blue = np.broadcast_to(value, (1, 3))[0].tolist()
+    return (red, green, blue)
+
+
+def split(parts: Iterable[Expression]) -> tuple[Triple, Expression | None]:
+    """Return the sum of the constant parts, and that of those that vary, None without any."""
+    total, varying = np.zeros((1, 3)), None
+    for part in parts:
+        if part.value is not None:
+            total = total + part.value
+        else:
+            varying = part if varying is None else varying + part
+    return triple(total), varying
+
+
+def emission(tree: Any, kinds: set[str]) -> tuple[Triple, Expression | None, str | None]:
+    """Return the emission of a world's or a light's `tree`: constant, varying, what is unknown.
 
     `kinds` are the closure nodes that emit here; any other closure is named as unsupported.
     """
     output = tree.get_output_node("CYCLES")
     if output is None:
-        return BLACK, None
-    parts: list[Triple] = []
+        return BLACK, None, None
+    parts: list[Expression] = []
     for leaf in leaves(output.inputs["Surface"]):
         part = leaf_emission(leaf) if leaf.node.bl_idname in kinds else None
         if part is None:
-            return BLACK, feature(leaf)
+            return BLACK, None, feature(leaf)
         parts.append(part)
-    return total(parts), None
+    return *split(parts), None
+
+
+def uniform_emission(tree: Any, kinds: set[str]) -> tuple[Triple, str | None]:
+    """Return the constant emission of a `tree`, and what in it is not."""
+    found, varying, unknown = emission(tree, kinds)
+    return (BLACK, "Emission that varies") if varying else (found, unknown)
 
 
 def feature(leaf: Leaf) -> str:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mesh emitter: triangles of uniform radiance, shining from both faces.
+"""Mesh emitter: triangles of uniform or textured radiance, shining from both faces.
 
 =================== ======================= ====================================================
 parameter           unit                    meaning
 =================== ======================= ====================================================
-`rgb`               W/(m² sr)               radiance L = strength × colour of the material
+`rgb`               W/(m² sr)               radiance L = strength × colour of the material, or
+                                            a factor on that of `texture`
 `triangles`         bu                      (m, 3, 3) corners in the world
 =================== ======================= ====================================================
 
@@ -12,12 +13,14 @@ Derivation. Each triangle is a Lambert polygon; E = L Σ |E_i| over the triangle
 from both faces. Triangles are unoccluded by one another here: what hides what is the estimator's
 to find. To points on itself a triangle sends nothing. Each face emits πLA, so Φ = 2πLA; of a closed
 mesh half of that hits its own inside and `leaving_flux` is the rest. Up to 64 triangles are summed
-in closed form; samples pick triangles by area, and their density is that of the triangle picked
-alone. The radiance is the same in both models.
+in closed form; samples pick triangles by area, textured ones half by area and half by the power
+that a few points in each let expect, and their density is that of the triangle picked alone. Flux
+and intensity of textured ones are means over these points. The radiance is the same in both models.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -36,6 +39,10 @@ FAR_POINTS, FAR_DIRECTIONS = (
 )  # of the far field: shapes that hide parts of themselves to about 1 %
 SURFACE = 1e-5  # rays start so far off it, in units of the root of its area
 PAIRS = 1 << 20  # ray-triangle pairs at once: 8 MB an array
+TRIED, MOST_TRIED, FEWEST_TRIED = 1 << 16, 1024, 4  # points of a texture: of all, of a triangle
+EVENLY = 0.5  # of a texture's samples go by area
+
+Texture = Callable[[NDArray[np.int64], Array, Array], Array]
 
 
 @LIGHTS.register("MESH")
@@ -46,10 +53,13 @@ class MeshLight(Light):
     Attributes
     ----------
     triangles : (m, 3, 3) corners in the world [bu].
+    texture : gives the radiance (n, 3) of triangles (n,) at the weights (2, n) of their second and
+        third corners towards viewers (n, 3) [bu]; None where `rgb` says it all.
     """
 
     kind: ClassVar[str] = "MESH"
     triangles: Array
+    texture: Texture | None = None
 
     @cached_property
     def _normals(self) -> Array:
@@ -60,41 +70,71 @@ class MeshLight(Light):
         return normals
 
     @cached_property
-    def _cumulative(self) -> Array:
-        """Cumulated areas (m,) [bu²]."""
-        areas: Array = 0.5 * np.sqrt(geometry.dot(self._normals, self._normals))
-        return np.cumsum(areas)
+    def _areas(self) -> Array:
+        """Areas (m,) [bu²]."""
+        return 0.5 * np.sqrt(geometry.dot(self._normals, self._normals))
 
     @property
     def _area(self) -> float:
-        return float(self._cumulative[-1]) if len(self.triangles) else 0.0
+        return float(self._areas.sum())
+
+    @cached_property
+    def _tried(self) -> Array:
+        """Radiance over `rgb` at points of each triangle, on its front and back, (m, k, 2, 3)."""
+        count = len(self.triangles)
+        if self.texture is None:
+            return np.ones((count, 1, 2, 3))
+        each = int(np.clip(TRIED // max(count, 1), FEWEST_TRIED, MOST_TRIED))
+        u = geometry.lattice(each)
+        root = np.sqrt(u[:, 0])
+        uv = np.tile([1.0 - root, root * u[:, 1]], count)
+        i = np.repeat(np.arange(count), each)
+        sides = [self.texture(i, uv, side * self._normals[i]) for side in (1.0, -1.0)]
+        return np.stack(sides, axis=1).reshape(count, each, 2, 3)
+
+    @cached_property
+    def _mean(self) -> Array:
+        """Mean radiance over `rgb`, (3,)."""
+        return self._areas @ self._tried.mean(axis=(1, 2)) / (self._area or 1.0)
+
+    @cached_property
+    def _cumulative(self) -> Array:
+        """Cumulated chances (m,) of triangles."""
+        power = self._areas * np.abs(self._tried).mean(axis=(1, 2, 3))
+        share = self._areas / (self._area or 1.0)
+        if power.any():
+            share = EVENLY * share + (1.0 - EVENLY) * power / power.sum()
+        return np.cumsum(share)
 
     def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
         total = self._area
         if total == 0.0:
             nothing = np.zeros(len(points))
             return LightSample(normals.copy(), nothing, nothing, nothing)
-        position, i, area = self._place(u)
+        position, i, uv, density = self._place(u)
         wi = position - points
         squared = np.maximum(geometry.dot(wi, wi), geometry.TINY)
         distance = np.sqrt(squared)
+        tint = None if self.texture is None else self.texture(i, uv, -wi)
         wi /= distance[:, None]
-        weight = total * np.abs(geometry.dot(self._normals[i], wi)) / (2.0 * area * squared)
-        return LightSample(wi, distance, weight, 1.0 / np.maximum(weight, geometry.TINY))
+        cos = np.abs(geometry.dot(self._normals[i], wi)) / (2.0 * self._areas[i])
+        weight = cos / (density * squared)
+        return LightSample(wi, distance, weight, 1.0 / np.maximum(weight, geometry.TINY), tint)
 
-    def _place(self, u: Array) -> tuple[Array, NDArray[np.int64], Array]:
-        """Return positions (n, 3) uniform in area, their triangles (n,) and the areas of these."""
-        at = u[:, 0] * self._area
+    def _place(self, u: Array) -> tuple[Array, NDArray[np.int64], Array, Array]:
+        """Return positions (n, 3), their triangles (n,), places (2, n) and densities [1/bu²]."""
+        at = u[:, 0] * self._cumulative[-1]
         i = np.minimum(np.searchsorted(self._cumulative, at, side="right"), len(self.triangles) - 1)
-        area = np.diff(self._cumulative, prepend=0.0)[i]
-        left = np.clip(1.0 - (self._cumulative[i] - at) / area, 0.0, 1.0)
+        chance = np.diff(self._cumulative, prepend=0.0)[i]
+        left = np.clip(1.0 - (self._cumulative[i] - at) / chance, 0.0, 1.0)
         root = np.sqrt(left)
         a, b, c = (self.triangles[i, corner] for corner in range(3))
-        s, t = (1.0 - root)[:, None], (root * u[:, 1])[:, None]
-        return a + s * (b - a) + t * (c - a), i, area
+        s, t = 1.0 - root, root * u[:, 1]
+        position = a + s[:, None] * (b - a) + t[:, None] * (c - a)
+        return position, i, np.stack([s, t]), chance / self._areas[i]
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
-        if len(self.triangles) > CLOSED_FORM_TRIANGLES:
+        if self.texture is not None or len(self.triangles) > CLOSED_FORM_TRIANGLES:
             return None
         total = np.zeros(len(points))
         for triangle, normal in zip(self.triangles, self._normals, strict=True):
@@ -105,15 +145,21 @@ class MeshLight(Light):
 
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         batch = max(PAIRS // len(self.triangles), 1)
-        parts = [
-            self._nearest(origins[start : start + batch], directions[start : start + batch])
-            for start in range(0, len(origins), batch)
-        ]
-        distance = np.concatenate(parts) if parts else np.empty(0)
-        return distance, np.isfinite(distance).astype(np.float64)
+        distance = np.full(len(origins), np.inf)
+        radiance = np.zeros(len(origins) if self.texture is None else (len(origins), 3))
+        for start in range(0, len(origins), batch):
+            part = slice(start, start + batch)
+            distance[part], i, uv = self._nearest(origins[part], directions[part])
+            hit = np.flatnonzero(np.isfinite(distance[part]))
+            glow = 1.0
+            if self.texture is not None:
+                towards = -directions[part][hit] * distance[part][hit, None]
+                glow = self.texture(i[hit], uv[:, hit], towards)
+            radiance[start + hit] = glow
+        return distance, radiance
 
-    def _nearest(self, origins: Array, directions: Array) -> Array:
-        """Return the distance (n,) of the first triangle on each ray, by Cramer's rule.
+    def _nearest(self, origins: Array, directions: Array) -> tuple[Array, NDArray[np.int64], Array]:
+        """Return distance (n,), triangle (n,) and place (2, n) of rays' first hits, by Cramer's rule.
 
         o + t d = a + s e + q f, with N = e × f, h = (a - o) × d: t = N·(a-o)/N·d, s = h·f/N·d,
         q = -h·e/N·d.
@@ -128,19 +174,22 @@ class MeshLight(Light):
         q = -np.einsum("nmi,mi->nm", turn, e) / slope
         t = (np.sum(self._normals * a, axis=1) - origins @ self._normals.T) / slope
         hit = (s >= 0.0) & (q >= 0.0) & (s + q <= 1.0) & (t > 0.0) & ~parallel
-        return np.min(np.where(hit, t, np.inf), axis=1)
+        t = np.where(hit, t, np.inf)
+        first = np.argmin(t, axis=1)
+        rows = np.arange(len(t))
+        return t[rows, first], first, np.stack([s[rows, first], q[rows, first]])
 
     def radiant_flux(self) -> Array:
-        return self.rgb * (2.0 * np.pi * self._area)
+        return self.rgb * self._mean * (2.0 * np.pi * self._area)
 
     def leaving_flux(self) -> Array:
         return self.radiant_flux() * self._far[0]
 
     def peak_radiant_intensity(self) -> Array:
-        return self.rgb * self._far[1]
+        return self.rgb * self._mean * self._far[1]
 
     def peak_radiance(self) -> Array:
-        return self.rgb
+        return self.rgb * self._tried.max(axis=(0, 1, 2), initial=0.0)
 
     @cached_property
     def _far(self) -> tuple[float, float]:
@@ -151,8 +200,8 @@ class MeshLight(Light):
         """
         if self._area == 0.0:
             return 0.0, 0.0
-        points, i, area = self._place(geometry.lattice(FAR_POINTS))
-        normals = self._normals[i] / (2.0 * area[:, None])
+        points, i, _, _ = self._place(geometry.lattice(FAR_POINTS))
+        normals = self._normals[i] / (2.0 * self._areas[i, None])
         up = np.tile([0.0, 0.0, 1.0], (FAR_DIRECTIONS, 1))
         half = geometry.sample_cone(up, np.ones(len(up)), geometry.lattice(FAR_DIRECTIONS))
         directions = np.concatenate([half, -half, normals[:: FAR_POINTS // FAR_DIRECTIONS]])

@@ -6,10 +6,12 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 
 from blender_rad.bpy_io.materials import read_material, surface_of
 from blender_rad.scene import CLAY_ALBEDO, Material
+from blender_rad.textures import Context
 
 from .reading import empty_scene, material, node
 
@@ -98,12 +100,22 @@ def test_add_adds() -> None:
         assert found.emission == (1, 1, 1)
 
 
-def test_one_sided_emission_is_not_known() -> None:
+def test_emission_and_albedo_may_vary_but_not_in_ways_that_are_not_known() -> None:
     created = mixed("ShaderNodeBsdfDiffuse", "ShaderNodeEmission", None)
+    found = read_material(created, "full")
+    assert found.emits and found.emission_known and not found.unsupported
+    assert found.albedo == (0, 0, 0) and found.albedo_texture and found.emission_texture
+    for share, side in ((1.0, 0.0), (0.0, 1.0)):
+        seen = Context(backfacing=np.array([[side]]))
+        assert found.albedo_texture.rgb(seen, 1) == pytest.approx(0.8 * share * np.ones((1, 3)))
+        assert found.emission_texture.rgb(seen, 1) == pytest.approx(side * np.ones((1, 3)))
+    tree, output, _ = tree_of(created)
+    factor = output.inputs[0].links[0].from_node.inputs[0]
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], factor)
     for shading in ("full", "clay"):
         found = read_material(created, shading)
         assert not found.emission_known
-        assert any("not constant" in feature for feature in named(found))
+        assert "Emission of Emission" in named(found)
     assert read_material(created, "clay").albedo == CLAY
 
 

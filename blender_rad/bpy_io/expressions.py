@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Node trees read as expressions: where a socket's value comes from, and what computes it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..textures import SOURCES, TEXTURES, Expression, constant
+from ..textures.arithmetic import OF_NUMBERS, OF_VECTORS
+from ..textures.colours import BLENDS
+from ..working_space import WORKING_SPACES, luminance_weights
+from .arrays import matrix
+
+Groups = tuple[Any, ...]
+Known = dict[tuple[int, ...], Expression]
+IMAGES: WeakValueDictionary[tuple[str, int], Any] = WeakValueDictionary()  # pixels, of one reading
+
+TABLE = 256  # samples that Cycles takes of ramps and curves
+_NUMBERS = {"VALUE", "INT", "BOOLEAN"}
+_COPIED = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
+_NAMES = {"uv_map", "layer_name", "attribute_name"}
+_LINEAR = {"Non-Color", "Linear Rec.709", "Raw", "Linear"}
+_OUTPUTS = {  # of nodes that have others too, which are not known
+    "ShaderNodeTexCoord": {"UV", "Generated", "Object", "Normal", "Reflection"},
+    "ShaderNodeNewGeometry": {
+        *("Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing")
+    },
+    "ShaderNodeObjectInfo": {"Location"},
+}
+
+
+class Source(NamedTuple):
+    """What a socket gets: the output that feeds it, or the socket whose own value counts.
+
+    Attributes
+    ----------
+    socket : the last input followed.
+    output : the node output behind it, None when nothing is linked.
+    groups : the group nodes that were entered on the way, outermost first.
+    types : of the sockets passed, the first one's first.
+    """
+
+    socket: Any
+    output: Any | None
+    groups: Groups
+    types: tuple[str, ...] = ()
+
+
+class UnknownNodeError(Exception):
+    """A node is not known; its message names it to users."""
+
+
+def source(socket: Any, groups: Groups = ()) -> Source:
+    """Follow `socket` through reroutes, groups and muted nodes to what gives its value."""
+    types: tuple[str, ...] = ()
+    while True:
+        types += (socket.type,)
+        link = next((link for link in socket.links if not link.is_muted), None)
+        if link is None:
+            return Source(socket, None, groups, types)
+        output, node = link.from_socket, link.from_node
+        if node.mute:
+            inside = (i.from_socket for i in node.internal_links if i.to_socket == output)
+            behind = next(inside, None)
+        elif node.bl_idname == "NodeReroute":
+            behind = node.inputs[0]
+        elif node.bl_idname == "NodeGroupInput" and groups:
+            behind, groups = _same(groups[-1].inputs, output), groups[:-1]
+        elif node.bl_idname == "ShaderNodeGroup":
+            behind, groups = _group_result(node, output), (*groups, node)
+        else:
+            return Source(socket, output, groups, types)
+        if behind is None:
+            return Source(socket, None, groups, types)
+        socket = behind
+
+
+def _same(sockets: Any, wanted: Any) -> Any | None:
+    return next((s for s in sockets if s.identifier == wanted.identifier), None)
+
+
+def _group_result(group: Any, output: Any) -> Any | None:
+    nodes = group.node_tree.nodes if group.node_tree else ()
+    ends = (n for n in nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
+    return next((_same(end.inputs, output) for end in ends), None)
+
+
+def expression(socket: Any, groups: Groups = (), known: Known | None = None) -> Expression:
+    """Return what computes the value that `socket` gets.
+
+    Raises
+    ------
+    UnknownNodeError
+        Where a node that it depends on is not known.
+    """
+    known = {} if known is None else known
+    end, output, groups, types = source(socket, groups)
+    if output is None:
+        value = getattr(end, "default_value", None)
+        if value is None or isinstance(value, str):
+            raise UnknownNodeError(f"{end.name} of {end.node.bl_label}")
+        numeric = isinstance(value, int | float)
+        found, types = constant(value if numeric else tuple(value)[:3]), types[:-1]
+        kind = end.type
+    else:
+        place = (output.as_pointer(), *(group.as_pointer() for group in groups))
+        if place not in known:
+            known[place] = _output(output, groups, known)
+        found, kind = known[place], output.type
+    for wanted in reversed(types):
+        found, kind = _converted(found, kind, wanted), wanted
+    return found
+
+
+def _converted(found: Expression, kind: str, wanted: str) -> Expression:
+    """Return the value of a socket of one type as a socket of another type has it."""
+    if (kind in _NUMBERS) == (wanted in _NUMBERS):
+        return found
+    weights = (1.0,) if kind in _NUMBERS else _weights() if kind == "RGBA" else (1 / 3,) * 3
+    return Expression("CONVERT", settings={"weights": weights}, inputs={"a": found})
+
+
+def _weights() -> tuple[float, float, float]:
+    """Return the luminance weights of the open file's working space."""
+    from .read import working_space
+
+    return luminance_weights(WORKING_SPACES[working_space()])
+
+
+def _output(output: Any, groups: Groups, known: Known) -> Expression:
+    """Return what computes an output of a node that is not muted."""
+    node, name = output.node, output.identifier
+    kind = node.bl_idname
+    if kind in {"ShaderNodeValue", "ShaderNodeRGB"}:
+        value = output.default_value
+        return constant(value if kind == "ShaderNodeValue" else tuple(value)[:3])
+    modes = {"ShaderNodeMath": OF_NUMBERS, "ShaderNodeVectorMath": {*OF_VECTORS, "SCALE"}}
+    operation = getattr(node, "operation", None)
+    blended = kind == "ShaderNodeMixRGB" or getattr(node, "data_type", "") == "RGBA"
+    if (
+        (kind not in TEXTURES and kind not in SOURCES)
+        or name not in _OUTPUTS.get(kind, {name})
+        or (kind in modes and operation not in modes[kind])
+        or (kind.startswith("ShaderNodeMix") and blended and node.blend_type not in BLENDS)
+        or getattr(node, "mode", "") == "HSL"
+        or getattr(node, "from_instancer", False)
+        or getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY"
+    ):
+        raise UnknownNodeError(node.bl_label)
+    inputs = {s.identifier: _input(s, groups, known) for s in node.inputs}
+    settings = plain_properties(node) | (_EXTRAS[kind](node) if kind in _EXTRAS else {})
+    found = Expression(kind, name, settings, inputs)
+    if kind == "ShaderNodeBlackbody" and inputs["Temperature"].value is None:
+        raise UnknownNodeError(f"{node.bl_label} of a temperature that varies")
+    return found
+
+
+def _input(socket: Any, groups: Groups, known: Known) -> Expression:
+    """Return an input of a node; without a link some are those of the surface."""
+    kind = socket.node.bl_idname
+    if not socket.enabled:
+        return constant(0.0)
+    if source(socket, groups).output is None:
+        if socket.name == "Vector" and kind.startswith("ShaderNodeTex"):
+            image = kind == "ShaderNodeTexImage"
+            return Expression("ShaderNodeTexCoord", "UV" if image else "Generated")
+        if socket.name == "Normal" and kind in {"ShaderNodeFresnel", "ShaderNodeLayerWeight"}:
+            return Expression("ShaderNodeNewGeometry", "Normal")
+    return expression(socket, groups, known)
+
+
+def plain_properties(block: Any) -> dict[str, Any]:
+    """Return the plain properties of a block by name, vectors as tuples."""
+    found: dict[str, Any] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        inherited = bpy.types.Node.bl_rna.properties if isinstance(block, bpy.types.Node) else ()
+        for prop in block.bl_rna.properties:
+            kept = prop.type in _COPIED and prop.identifier not in inherited
+            if kept or prop.identifier in _NAMES:
+                value = getattr(block, prop.identifier)
+                vector = getattr(prop, "array_length", 0) > 0
+                found[prop.identifier] = tuple(value) if vector else value
+    return found
+
+
+def _ramp(node: Any) -> dict[str, Any]:
+    ramp = node.color_ramp
+    table = np.array([tuple(ramp.evaluate(i / (TABLE - 1))) for i in range(TABLE)])
+    return {"table": table, "step": ramp.interpolation == "CONSTANT"}
+
+
+def _curves(node: Any) -> dict[str, Any]:
+    mapping = node.mapping
+    mapping.initialize()
+    curves = list(mapping.curves)
+    ends = [curve.points for curve in curves]
+    low, high = min(p[0].location[0] for p in ends), max(p[-1].location[0] for p in ends)
+    places = np.linspace(low, high, TABLE).tolist()
+    before = [mapping.evaluate(curves[3], x) for x in places] if len(curves) == 4 else places
+    table = np.array([[mapping.evaluate(c, x) for c in curves[:3]] for x in before])
+    return {"table": table, "range": (low, high), "beyond": mapping.extend == "EXTRAPOLATED"}
+
+
+def _coordinates(node: Any) -> dict[str, Any]:
+    return (
+        {"object_from_world": np.linalg.inv(matrix(node.object.matrix_world))}
+        if node.object
+        else {}
+    )
+
+
+def _image(node: Any) -> dict[str, Any]:
+    image, moved = node.image, node.texture_mapping
+    if node.projection != 'FLAT' or tuple(moved.scale) != (1, 1, 1) or any(moved.translation):
+        raise UnknownNodeError(f"{node.bl_label} with a projection")
+    if image is None:
+        return {}
+    space = image.colorspace_settings.name
+    plain = _rec709() or space in {"Non-Color", "Raw"}
+    if image.source not in {'FILE', 'GENERATED'} or space not in {*_LINEAR, "sRGB"} or not plain:
+        raise UnknownNodeError(f"{node.bl_label} ({image.source.lower()}, {space})")
+    pixels = _pixels(image)
+    if pixels is None:
+        return {}
+    straight = image.alpha_mode in {'STRAIGHT', 'PREMUL'} and space != "Non-Color"
+    return {
+        "pixels": pixels,
+        "encoded": space == "sRGB" and pixels.dtype == np.uint8,
+        "unassociate": straight and bool(node.outputs["Alpha"].is_linked),
+    }
+
+
+def _rec709() -> bool:
+    from .read import working_space
+
+    return working_space() == "Linear Rec.709"
+
+
+def _pixels(image: Any) -> NDArray[np.uint8] | NDArray[np.float32] | None:
+    """Return an image's pixels (h, w, 4) as Cycles stores them; None of one that is missing."""
+    place = (image.name_full, image.as_pointer())
+    if place in IMAGES:
+        return IMAGES[place]
+    width, height = image.size
+    if not width * height or not len(image.pixels):
+        return None
+    pixels = np.empty(width * height * 4, dtype=np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(height, width, 4)
+    if image.alpha_mode == 'NONE':
+        pixels[..., 3] = 1.0
+    if not image.is_float:
+        whole = np.round(pixels * 255.0).astype(np.uint16)
+        if image.alpha_mode == 'STRAIGHT' and image.colorspace_settings.name != "Non-Color":
+            whole[..., :3] = whole[..., :3] * whole[..., 3:] // 255
+        pixels = whole.astype(np.uint8)
+    IMAGES[place] = pixels
+    return pixels
+
+
+_EXTRAS: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "ShaderNodeValToRGB": _ramp,
+    "ShaderNodeRGBCurve": _curves,
+    "ShaderNodeVectorCurve": _curves,
+    "ShaderNodeFloatCurve": _curves,
+    "ShaderNodeTexImage": _image,
+    "ShaderNodeTexCoord": _coordinates,
+    "ShaderNodeNormal": lambda node: {"direction": tuple(node.outputs[0].default_value)},
+    "ShaderNodeRGBToBW": lambda node: {"weights": _weights()},
+}

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the materials of a scene are at points on its surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scene import Instance, Mesh, Scene
+from .surfaces import Geometry, Surface, dot, normalized, pick
+from .textures import GENERATED, Array, Context, Expression
+
+Ints = NDArray[np.int64]
+
+
+class Shading:
+    """A colour of materials, constant or not.
+
+    Parameters
+    ----------
+    colours : (3,) by material.
+    textures : by material, what to add; None for nothing.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        geometry: Geometry,
+        colours: Sequence[tuple[float, float, float]],
+        textures: Sequence[Expression | None],
+    ) -> None:
+        self._scene, self._geometry = scene, geometry
+        self._colours = np.array(colours, dtype=np.float64).reshape(-1, 3)
+        self._textures = {k: texture for k, texture in enumerate(textures) if texture}
+
+    def at(self, surface: Surface) -> Array:
+        """Return the colours (n, 3) of points on surfaces."""
+        found = pick(self._colours, surface.material)
+        for material, texture in self._textures.items():
+            own = np.flatnonzero(surface.material == material)
+            for index in np.unique(surface.instance.take(own)):
+                rows = own[surface.instance.take(own) == index]
+                instance = self._scene.instances[index]
+                context = context_on(
+                    self._scene.meshes[instance.mesh],
+                    instance,
+                    surface.triangle.take(rows) - self._geometry.first[index],
+                    np.stack([surface.u, surface.v])[:, rows],
+                    surface.incoming.take(rows, axis=0),
+                )
+                found[rows] += texture.rgb(context, len(rows))
+        return found
+
+
+def context_on(
+    mesh: Mesh, instance: Instance, triangle: Ints, uv: Array, incoming: Array
+) -> Context:
+    """Return where points on a mesh are, seen along `incoming` (n, 3), which need no unit length.
+
+    Parameters
+    ----------
+    triangle : (n,) index into the mesh's triangles.
+    uv : (2, n) barycentric weights of the second and third corner.
+    incoming : (n, 3) from the points to the viewers [bu].
+    """
+    weights = np.stack([1.0 - uv[0] - uv[1], *uv], axis=1)
+    matrix = instance.world_from_object
+    corners = mesh.vertices[mesh.triangles[triangle]].astype(np.float64)
+    local = np.einsum("nk,nkd->nd", weights, corners)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cofactor = np.linalg.det(matrix[:3, :3]) * np.linalg.pinv(matrix[:3, :3])
+    geometric = normalized(across @ cofactor) * np.sign(np.linalg.det(matrix[:3, :3]))
+    normal = geometric
+    if mesh.normals is not None:
+        smooth = np.einsum("nk,nkd->nd", weights, mesh.normals[triangle].astype(np.float64))
+        normal = normalized(smooth @ np.linalg.pinv(matrix[:3, :3]))
+        normal = np.where(mesh.smooth[triangle][:, None], normal, geometric)
+    towards = normalized(incoming)
+    side = np.where(dot(geometric, towards) < 0.0, -1.0, 1.0)[:, None]
+
+    def attribute(name: str) -> Array | None:
+        if name == GENERATED and mesh.texture_space is not None:
+            centre, size = mesh.texture_space
+            return 0.5 + 0.5 * (local - centre) / np.where(size == 0.0, 1.0, size)
+        found = mesh.attributes.get(name)
+        return None if found is None else np.einsum("nk,nkd->nd", weights, found[triangle])
+
+    return Context(
+        position=local @ matrix[:3, :3].T + matrix[:3, 3],
+        normal=normal * side,
+        geometric=geometric * side,
+        incoming=towards,
+        distance=np.sqrt(dot(incoming, incoming))[:, None],
+        backfacing=(side < 0.0).astype(float),
+        parametric=np.pad(weights[:, :2], ((0, 0), (0, 1))),
+        object_from_world=np.linalg.pinv(matrix),
+        attribute=attribute,
+    )

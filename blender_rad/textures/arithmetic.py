@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nodes that calculate with numbers and vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ._base import TEXTURES, Array, Call, clip, divided, dot, unit
+
+
+@TEXTURES.register("VALUE")
+def _value(call: Call) -> Array:
+    return np.asarray(call.settings["value"], dtype=np.float64)
+
+
+@TEXTURES.register("MULTIPLY")
+def _product(call: Call) -> Array:
+    return call["a"] * call["b"]
+
+
+@TEXTURES.register("ADD")
+def _sum(call: Call) -> Array:
+    return call["a"] + call["b"]
+
+
+@TEXTURES.register("CLIP")
+def _factor(call: Call) -> Array:
+    return clip(call["a"])
+
+
+@TEXTURES.register("CONVERT")
+def _converted(call: Call) -> Array:
+    """Return what a link between sockets of different types gives: `weights` times what comes."""
+    weights = np.asarray(call.settings["weights"], dtype=np.float64)
+    return call["a"] @ weights[:, None] if len(weights) == 3 else np.tile(call["a"], (1, 3))
+
+
+def _wrap(a: Array, b: Array, c: Array) -> Array:
+    span = b - c
+    return np.where(span != 0.0, a - span * np.floor(divided(a - c, span)), c)
+
+
+def _pingpong(a: Array, b: Array) -> Array:
+    period = divided(a - b, b * 2.0)
+    return np.where(b != 0.0, np.abs((period - np.floor(period)) * b * 2.0 - b), 0.0)
+
+
+def _power(a: Array, b: Array) -> Array:
+    return np.where((a < 0.0) & (b != np.floor(b)), 0.0, np.power(a, b))
+
+
+def _smooth_minimum(a: Array, b: Array, c: Array) -> Array:
+    h = np.where(c != 0.0, np.maximum(c - np.abs(a - b), 0.0) / np.where(c == 0.0, 1.0, c), 0.0)
+    return np.minimum(a, b) - h**3 * c / 6.0
+
+
+def _compare(a: Array, b: Array, c: Array) -> Array:
+    return (np.abs(a - b) <= np.maximum(c, np.finfo(np.float32).eps)).astype(float)
+
+
+OF_BOTH: dict[str, Callable[..., Array]] = {
+    "ADD": lambda a, b, c: a + b,
+    "SUBTRACT": lambda a, b, c: a - b,
+    "MULTIPLY": lambda a, b, c: a * b,
+    "DIVIDE": lambda a, b, c: divided(a, b),
+    "MULTIPLY_ADD": lambda a, b, c: a * b + c,
+    "POWER": lambda a, b, c: _power(a, b),
+    "ABSOLUTE": lambda a, b, c: np.abs(a),
+    "MINIMUM": lambda a, b, c: np.minimum(a, b),
+    "MAXIMUM": lambda a, b, c: np.maximum(a, b),
+    "FLOOR": lambda a, b, c: np.floor(a),
+    "CEIL": lambda a, b, c: np.ceil(a),
+    "MODULO": lambda a, b, c: np.where(b != 0.0, np.fmod(a, np.where(b == 0.0, 1.0, b)), 0.0),
+    "SNAP": lambda a, b, c: np.floor(divided(a, b)) * b,
+    "WRAP": _wrap,
+    "SINE": lambda a, b, c: np.sin(a),
+    "COSINE": lambda a, b, c: np.cos(a),
+    "TANGENT": lambda a, b, c: np.tan(a),
+    "SIGN": lambda a, b, c: np.sign(a),
+}
+OF_NUMBERS = OF_BOTH | {
+    "LOGARITHM": lambda a, b, c: np.where(
+        (a > 0.0) & (b > 0.0), divided(np.log(np.abs(a)), np.log(np.abs(b))), 0.0
+    ),
+    "SQRT": lambda a, b, c: np.sqrt(np.maximum(a, 0.0)),
+    "INVERSE_SQRT": lambda a, b, c: np.where(a > 0.0, 1.0 / np.sqrt(np.abs(a)), 0.0),
+    "EXPONENT": lambda a, b, c: np.exp(a),
+    "LESS_THAN": lambda a, b, c: (a < b).astype(float),
+    "GREATER_THAN": lambda a, b, c: (a > b).astype(float),
+    "COMPARE": _compare,
+    "SMOOTH_MIN": _smooth_minimum,
+    "SMOOTH_MAX": lambda a, b, c: -_smooth_minimum(-a, -b, c),
+    "ROUND": lambda a, b, c: np.floor(a + 0.5),
+    "TRUNC": lambda a, b, c: np.trunc(a),
+    "FRACT": lambda a, b, c: a - np.floor(a),
+    "FLOORED_MODULO": lambda a, b, c: np.where(b != 0.0, a - np.floor(divided(a, b)) * b, 0.0),
+    "PINGPONG": lambda a, b, c: _pingpong(a, b),
+    "ARCSINE": lambda a, b, c: np.arcsin(np.clip(a, -1.0, 1.0)),
+    "ARCCOSINE": lambda a, b, c: np.arccos(np.clip(a, -1.0, 1.0)),
+    "ARCTANGENT": lambda a, b, c: np.arctan(a),
+    "ARCTAN2": lambda a, b, c: np.arctan2(a, b),
+    "SINH": lambda a, b, c: np.sinh(a),
+    "COSH": lambda a, b, c: np.cosh(a),
+    "TANH": lambda a, b, c: np.tanh(a),
+    "RADIANS": lambda a, b, c: np.radians(a),
+    "DEGREES": lambda a, b, c: np.degrees(a),
+}
+OF_VECTORS = OF_BOTH | {
+    "CROSS_PRODUCT": lambda a, b, c: np.cross(a, b),
+    "PROJECT": lambda a, b, c: divided(dot(a, b), dot(b, b)) * b,
+    "REFLECT": lambda a, b, c: a - 2.0 * dot(a, unit(b)) * unit(b),
+    "FACEFORWARD": lambda a, b, c: np.where(dot(c, b) < 0.0, a, -a),
+    "DOT_PRODUCT": lambda a, b, c: dot(a, b),
+    "DISTANCE": lambda a, b, c: np.sqrt(dot(a - b, a - b)),
+    "LENGTH": lambda a, b, c: np.sqrt(dot(a, a)),
+    "NORMALIZE": lambda a, b, c: unit(a),
+    "FRACTION": lambda a, b, c: a - np.floor(a),
+}
+
+
+@TEXTURES.register("ShaderNodeMath")
+def _math(call: Call) -> Array:
+    values = (call[name] for name in ("Value", "Value_001", "Value_002"))
+    found = OF_NUMBERS[call.settings["operation"]](*values)
+    return clip(found) if call.settings["use_clamp"] else found
+
+
+@TEXTURES.register("ShaderNodeVectorMath")
+def _vector_math(call: Call) -> Array:
+    if call.settings["operation"] == "SCALE":
+        return call["Vector"] * call["Scale"]
+    values = (call[name] for name in ("Vector", "Vector_001", "Vector_002"))
+    return OF_VECTORS[call.settings["operation"]](*values)
+
+
+@TEXTURES.register("ShaderNodeClamp")
+def _clamp(call: Call) -> Array:
+    low, high = call["Min"], call["Max"]
+    if call.settings["clamp_type"] == "RANGE":
+        low, high = np.minimum(low, high), np.maximum(low, high)
+    return np.minimum(np.maximum(call["Value"], low), high)
+
+
+@TEXTURES.register("ShaderNodeMapRange")
+def _map_range(call: Call) -> Array:
+    vector = call.settings["data_type"] == "FLOAT_VECTOR"
+    start, end = ("_FLOAT3" if vector else " "), ("_FLOAT3" if vector else "")
+    value = call["Vector" if vector else "Value"]
+    names = ("From_Min", "From_Max", "To_Min", "To_Max")
+    low, high, first, last = (
+        call[name + end if vector else name.replace("_", start)] for name in names
+    )
+    share = divided(value - low, high - low)
+    match call.settings["interpolation_type"]:
+        case "STEPPED":
+            steps = call["Steps" + end]
+            share = np.where(steps > 0.0, divided(np.floor(share * (steps + 1.0)), steps), 0.0)
+        case "SMOOTHSTEP":
+            share = clip(share) ** 2 * (3.0 - 2.0 * clip(share))
+        case "SMOOTHERSTEP":
+            share = clip(share) ** 3 * (clip(share) * (clip(share) * 6.0 - 15.0) + 10.0)
+        case _:
+            pass
+    found = first + share * (last - first)
+    if not vector:
+        found = np.where(high == low, 0.0, found)
+    if call.settings["clamp"]:
+        found = np.clip(found, np.minimum(first, last), np.maximum(first, last))
+    return found
+
+
+@TEXTURES.register("ShaderNodeMapping")
+def _mapping(call: Call) -> Array:
+    vector, scale = call["Vector"], call["Scale"]
+    turn = _euler(call["Rotation"])
+    match call.settings["vector_type"]:
+        case "POINT":
+            return _turned(turn, vector * scale) + call["Location"]
+        case "TEXTURE":
+            back = np.swapaxes(turn, 1, 2)
+            return divided(_turned(back, vector - call["Location"]), scale)
+        case "VECTOR":
+            return _turned(turn, vector * scale)
+        case _:
+            return unit(_turned(turn, divided(vector, scale)))
+
+
+def _euler(angles: Array) -> Array:
+    """Return matrices (n, 3, 3) of rotations about x, then y, then z."""
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
+    rows = [
+        [cy * cz, sy * sx * cz - cx * sz, sy * cx * cz + sx * sz],
+        [cy * sz, sy * sx * sz + cx * cz, sy * cx * sz - sx * cz],
+        [-sy, cy * sx, cy * cx],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _turned(matrices: Array, vectors: Array) -> Array:
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+@TEXTURES.register("ShaderNodeSeparateXYZ")
+def _separate(call: Call) -> Array:
+    k = "XYZ".index(call.output)
+    return call["Vector"][:, k : k + 1]
+
+
+@TEXTURES.register("ShaderNodeCombineXYZ")
+def _combine(call: Call) -> Array:
+    return np.concatenate(np.broadcast_arrays(call["X"], call["Y"], call["Z"]), axis=1)
+
+
+@TEXTURES.register("ShaderNodeNormal")
+def _normal(call: Call) -> Array:
+    direction = unit(np.array([call.settings["direction"]]))
+    return direction if call.output == "Normal" else dot(direction, unit(call["Normal"]))

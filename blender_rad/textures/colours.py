@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nodes that mix, grade and take apart colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ._base import TEXTURES, Array, Call, clip, divided
+
+BLENDS: dict[str, Callable[[Array, Array, Array], Array]] = {
+    "MIX": lambda t, a, b: a + t * (b - a),
+    "ADD": lambda t, a, b: a + t * b,
+    "SUBTRACT": lambda t, a, b: a - t * b,
+    "MULTIPLY": lambda t, a, b: a * (1.0 - t + t * b),
+    "DIVIDE": lambda t, a, b: np.where(b == 0.0, a, (1.0 - t) * a + t * divided(a, b)),
+    "DIFFERENCE": lambda t, a, b: a + t * (np.abs(a - b) - a),
+    "EXCLUSION": lambda t, a, b: np.maximum(a + t * (b - 2.0 * a * b), 0.0),
+    "DARKEN": lambda t, a, b: a + t * (np.minimum(a, b) - a),
+    "LIGHTEN": lambda t, a, b: a + t * (np.maximum(a, b) - a),
+    "SCREEN": lambda t, a, b: 1.0 - (1.0 - t * b) * (1.0 - a),
+    "OVERLAY": lambda t, a, b: np.where(
+        a < 0.5, a * (1.0 - t + 2.0 * t * b), 1.0 - (1.0 - t + 2.0 * t * (1.0 - b)) * (1.0 - a)
+    ),
+    "LINEAR_LIGHT": lambda t, a, b: a + t * (2.0 * b - 1.0),
+    "SOFT_LIGHT": lambda t, a, b: (
+        (1.0 - t) * a + t * ((1.0 - a) * b * a + a * (1.0 - (1.0 - b) * (1.0 - a)))
+    ),
+}
+
+
+@TEXTURES.register("ShaderNodeMix")
+def _mix(call: Call) -> Array:
+    settings = call.settings
+    kind = {"FLOAT": "Float", "VECTOR": "Vector", "RGBA": "Color"}[settings["data_type"]]
+    uneven = kind == "Vector" and settings["factor_mode"] == "NON_UNIFORM"
+    t = call["Factor_Vector" if uneven else "Factor_Float"]
+    t = clip(t) if settings["clamp_factor"] else t
+    blend = BLENDS[settings["blend_type"] if kind == "Color" else "MIX"]
+    found = blend(t, call[f"A_{kind}"], call[f"B_{kind}"])
+    return clip(found) if kind == "Color" and settings["clamp_result"] else found
+
+
+@TEXTURES.register("ShaderNodeMixRGB")
+def _mix_rgb(call: Call) -> Array:
+    found = BLENDS[call.settings["blend_type"]](clip(call["Fac"]), call["Color1"], call["Color2"])
+    return clip(found) if call.settings["use_clamp"] else found
+
+
+def _looked_up(table: Array, at: Array, *, step: bool = False, beyond: bool = False) -> Array:
+    """Return a table (m,) over [0, 1] at places (n,), its last slopes `beyond` its ends."""
+    last = len(table) - 1
+    place = clip(at) * last
+    if step:
+        return table[place.astype(np.int64)]
+    found = np.interp(place, np.arange(last + 1), table)
+    if beyond:
+        found += np.minimum(at, 0.0) * last * (table[1] - table[0])
+        found += np.maximum(at - 1.0, 0.0) * last * (table[-1] - table[-2])
+    return found
+
+
+@TEXTURES.register("ShaderNodeValToRGB")
+def _colour_ramp(call: Call) -> Array:
+    table, step = call.settings["table"], call.settings["step"]
+    columns = (3,) if call.output == "Alpha" else (0, 1, 2)
+    at = call["Fac"][:, 0]
+    return np.stack([_looked_up(table[:, k], at, step=step) for k in columns], axis=1)
+
+
+def _curved(call: Call, name: str, value: Array) -> Array:
+    (low, high), table = call.settings["range"], call.settings["table"]
+    at = (value - low) / (high - low)
+    beyond = call.settings["beyond"]
+    columns = [_looked_up(table[:, k], at[:, k], beyond=beyond) for k in range(table.shape[1])]
+    return value + call[name] * (np.stack(columns, axis=1) - value)
+
+
+@TEXTURES.register("ShaderNodeRGBCurve")
+def _rgb_curves(call: Call) -> Array:
+    return _curved(call, "Fac", call["Color"])
+
+
+@TEXTURES.register("ShaderNodeVectorCurve")
+def _vector_curves(call: Call) -> Array:
+    return _curved(call, "Fac", call["Vector"])
+
+
+@TEXTURES.register("ShaderNodeFloatCurve")
+def _float_curve(call: Call) -> Array:
+    return _curved(call, "Factor", call["Value"])
+
+
+@TEXTURES.register("ShaderNodeInvert")
+def _invert(call: Call) -> Array:
+    return call["Color"] + call["Fac"] * (1.0 - 2.0 * call["Color"])
+
+
+@TEXTURES.register("ShaderNodeGamma")
+def _gamma(call: Call) -> Array:
+    colour, gamma = call["Color"], call["Gamma"]
+    return np.where(gamma == 0.0, 1.0, np.where(colour > 0.0, np.abs(colour) ** gamma, colour))
+
+
+@TEXTURES.register("ShaderNodeBrightContrast")
+def _bright_contrast(call: Call) -> Array:
+    contrast = call["Contrast"]
+    return np.maximum((1.0 + contrast) * call["Color"] + call["Bright"] - 0.5 * contrast, 0.0)
+
+
+def to_hsv(rgb: Array) -> Array:
+    """Return hue, saturation and value of colours (n, 3)."""
+    r, g, b = rgb.T
+    high, span = rgb.max(axis=1), np.ptp(rgb, axis=1)
+    sector = np.select(
+        [r == high, g == high],
+        [divided(g - b, span), 2.0 + divided(b - r, span)],
+        4.0 + divided(r - g, span),
+    )
+    hue = np.where(span == 0.0, 0.0, np.mod(sector / 6.0, 1.0))
+    return np.stack([hue, divided(span, high), high], axis=1)
+
+
+def from_hsv(hsv: Array) -> Array:
+    """Return the colours (n, 3) of hue, saturation and value."""
+    h, s, v = (hsv[:, k : k + 1] for k in range(3))
+    near = clip(np.abs(np.mod(h * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0)
+    return v * (1.0 + s * (near - 1.0))
+
+
+@TEXTURES.register("ShaderNodeHueSaturation")
+def _hue_saturation(call: Call) -> Array:
+    rgb = call["Color"]
+    h, s, v = (column[:, None] for column in to_hsv(rgb).T)
+    h = np.mod(h + call["Hue"] + 0.5, 1.0)
+    parts = (h, clip(s * call["Saturation"]), v * call["Value"])
+    shifted = from_hsv(np.concatenate(np.broadcast_arrays(*parts), axis=1))
+    return np.maximum(rgb + call["Fac"] * (shifted - rgb), 0.0)
+
+
+@TEXTURES.register("ShaderNodeSeparateColor")
+def _separate_colour(call: Call) -> Array:
+    k = ("Red", "Green", "Blue").index(call.output)
+    colour = call["Color"]
+    return (to_hsv(colour) if call.settings["mode"] == "HSV" else colour)[:, k : k + 1]
+
+
+@TEXTURES.register("ShaderNodeCombineColor")
+def _combine_colour(call: Call) -> Array:
+    parts = np.broadcast_arrays(call["Red"], call["Green"], call["Blue"])
+    colour = np.concatenate(parts, axis=1)
+    return from_hsv(colour) if call.settings["mode"] == "HSV" else colour
+
+
+@TEXTURES.register("ShaderNodeRGBToBW")
+def _grey(call: Call) -> Array:
+    return call["Color"] @ np.asarray(call.settings["weights"], dtype=np.float64)[:, None]
+
+
+@TEXTURES.register("ShaderNodeBlackbody")
+def _blackbody(call: Call) -> Array:
+    from ..lights._emission import blackbody_rgb
+
+    return np.array([blackbody_rgb(float(t)) for t in call["Temperature"][:, 0]])

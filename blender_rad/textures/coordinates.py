@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nodes that tell where a point is and how it is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ._base import COLOUR, GENERATED, SOURCES, UV, ZERO, Array, Call, Context, divided, dot, unit
+
+
+def _moved(matrix: Array, points: Array) -> Array:
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _attribute(context: Context, name: str) -> Array:
+    """Return an attribute as (n, 3), 0 where there is none."""
+    found = context.attribute(name)
+    if found is None:
+        return ZERO
+    width = found.shape[1]
+    if width == 1:
+        return np.tile(found, (1, 3))
+    return np.pad(found, ((0, 0), (0, 1))) if width == 2 else found[:, :3]
+
+
+@SOURCES.register("ShaderNodeTexCoord")
+def _texture_coordinate(call: Call) -> Array:
+    context = call.context
+    inverse = call.settings.get("object_from_world", context.object_from_world)
+    match call.output:
+        case "UV":
+            return _attribute(context, UV)
+        case "Generated" if context.attribute(GENERATED) is not None:
+            return _attribute(context, GENERATED)
+        case "Normal":
+            return unit(context.normal @ np.linalg.inv(context.object_from_world[:3, :3]))
+        case "Reflection":
+            normal = context.normal
+            return 2.0 * dot(normal, context.incoming) * normal - context.incoming
+        case _:  # lights have no bounds: Generated is Object
+            return _moved(inverse, context.position)
+
+
+@SOURCES.register("ShaderNodeUVMap")
+def _uv_map(call: Call) -> Array:
+    return _attribute(call.context, call.settings["uv_map"])
+
+
+@SOURCES.register("ShaderNodeVertexColor")
+def _colour_attribute(call: Call) -> Array:
+    name = call.settings["layer_name"] or COLOUR
+    found = call.context.attribute(name)
+    if call.output == "Alpha":
+        return np.zeros((1, 1)) if found is None else found[:, 3:]
+    return _attribute(call.context, name)
+
+
+@SOURCES.register("ShaderNodeAttribute")
+def _named_attribute(call: Call) -> Array:
+    found = call.context.attribute(call.settings["attribute_name"])
+    wide = found is not None and found.shape[1] == 4
+    match call.output:
+        case "Alpha":
+            return found[:, 3:] if found is not None and wide else np.ones((1, 1))
+        case "Fac" if found is not None and found.shape[1] == 2:
+            return found[:, :1]
+        case "Fac":
+            return np.mean(_attribute(call.context, call.settings["attribute_name"]), 1)[:, None]
+        case _:
+            return _attribute(call.context, call.settings["attribute_name"])
+
+
+@SOURCES.register("ShaderNodeNewGeometry")
+def _geometry(call: Call) -> Array:
+    names = {"True Normal": "geometric"}
+    found = getattr(call.context, names.get(call.output, call.output.lower()))
+    return np.asarray(found, dtype=np.float64)
+
+
+@SOURCES.register("ShaderNodeObjectInfo")
+def _object_info(call: Call) -> Array:
+    return np.linalg.inv(call.context.object_from_world)[None, :3, 3]
+
+
+@SOURCES.register("ShaderNodeLightFalloff")
+def _light_falloff(call: Call) -> Array:
+    length, strength, smooth = call.context.distance, call["Strength"], call["Smooth"]
+    power = {"Quadratic": 0, "Linear": 1, "Constant": 2}[call.output]
+    damped = np.where(smooth > 0.0, length**2 / (smooth + length**2), 1.0)
+    return np.where(np.isinf(length), strength, strength * length**power * damped)
+
+
+def dielectric(cosine: Array, eta: Array) -> Array:
+    """Return Fresnel's reflectance of unpolarised light at a relative index `eta`."""
+    c = np.abs(cosine)
+    squared = eta * eta - 1.0 + c * c
+    g = np.sqrt(np.maximum(squared, 0.0))
+    a, b = (g - c) / (g + c), (c * (g + c) - 1.0) / (c * (g - c) + 1.0)
+    return np.where(squared > 0.0, 0.5 * a * a * (1.0 + b * b), 1.0)
+
+
+def _facing(call: Call) -> Array:
+    return dot(call.context.incoming, call["Normal"])
+
+
+@SOURCES.register("ShaderNodeFresnel")
+def _fresnel(call: Call) -> Array:
+    eta = np.maximum(call["IOR"], 1e-5)
+    return dielectric(_facing(call), np.where(call.context.backfacing > 0.0, 1.0 / eta, eta))
+
+
+@SOURCES.register("ShaderNodeLayerWeight")
+def _layer_weight(call: Call) -> Array:
+    blend, facing = call["Blend"], _facing(call)
+    if call.output == "Fresnel":
+        eta = np.maximum(1.0 - blend, 1e-5)
+        return dielectric(facing, np.where(call.context.backfacing > 0.0, eta, 1.0 / eta))
+    blend = np.clip(blend, 0.0, 1.0 - 1e-5)
+    power = np.where(blend < 0.5, 2.0 * blend, divided(np.array(0.5), 1.0 - blend))
+    return 1.0 - np.abs(facing) ** power
