@@ -16,6 +16,7 @@ from .atomic import atomic_path
 from .errors import RadError, unknown_name
 from .film import Film
 from .scene import Scene
+from .working_space import INTEROP_IDS, rec709_from_working
 
 Pixels = NDArray[np.float32]
 
@@ -115,15 +116,25 @@ def write_exr(
         file.write(str(temporary))
 
 
-def read_picture(path: str | os.PathLike[str]) -> Pixels:
+def read_picture(
+    path: str | os.PathLike[str], chromaticities: tuple[float, ...] | None = None
+) -> Pixels:
     """Return the beauty pass (h, w, 3) of an EXR file, of ours or of Blender's.
+
+    Colours become those of `chromaticities`, where these are given and the file states others.
 
     Raises
     ------
     RadError
         When the file cannot be read or holds no such picture.
     """
-    return read_passes(path, ("Combined.RGB",))[0]["Combined.RGB"]
+    passes, header = read_passes(path, ("Combined.RGB",))
+    picture = passes["Combined.RGB"]
+    stated = header.get("chromaticities") or INTEROP_IDS.get(header.get("colorInteropID", ""))
+    if not (stated and chromaticities) or np.allclose(stated, chromaticities, atol=1e-3):
+        return picture
+    matrix = np.linalg.solve(rec709_from_working(chromaticities), rec709_from_working(stated))
+    return (picture @ matrix.T).astype(np.float32)
 
 
 def read_passes(

@@ -147,7 +147,7 @@ class CheckOptions(PictureCommand, verb="check"):
         """Return the pictures to judge, each (h, w, 3)."""
         from ..exr import read_picture
 
-        pictures = [read_picture(path) for path in self.render]
+        pictures = [read_picture(path, scene.chromaticities) for path in self.render]
         expected = "x".join(map(str, scene.resolution))
         for path, picture in zip(self.render, pictures, strict=True):
             height, width = picture.shape[:2]

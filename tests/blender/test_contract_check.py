@@ -19,6 +19,7 @@ pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 
 import blender_rad  # noqa: E402
+from blender_rad.exr import write_exr  # noqa: E402
 
 from .promised import (  # noqa: E402
     HEIGHT,
@@ -388,6 +389,27 @@ def test_pictures_that_exist(files: dict[str, Path], pictures: list[Path]) -> No
     assert both.code in (0, 3), both
     holds(both.document, SCHEMA)
     assert tree(pictures[0].parent) == before
+
+
+@pytest.mark.filterwarnings("ignore:.*related API features are not available")
+def test_pictures_of_another_colour_space_in_layers(
+    files: dict[str, Path], pictures: list[Path], tmp_path: Path
+) -> None:
+    import colour
+
+    matrix = colour.matrix_RGB_to_RGB(*map(colour.RGB_COLOURSPACES.get, ("sRGB", "ITU-R BT.2020")))
+    wide = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
+    for path in pictures:
+        rgb = layer(exr(path)[1], "") @ matrix.T
+        names = [f"ViewLayer.Combined.{letter}" for letter in "RGB"]
+        channels = dict(zip(names, np.moveaxis(rgb, -1, 0), strict=True))
+        write_exr(tmp_path / path.name, channels, {"chromaticities": wide})
+    taken = [tmp_path / path.name for path in pictures]
+    document = blender_rad.check(files["two"], render=taken, exposure=2.0)
+    assert document["verdict"] != "differ", document["findings"]
+    for row in document["lights"]:
+        assert math.isclose(row["scale_in_witness"], 1, rel_tol=0.01)
+    assert math.isclose(document["metrics"]["energy_ratio"], 1, rel_tol=0.003)
 
 
 def test_frames(files: dict[str, Path], tmp_path: Path) -> None:
