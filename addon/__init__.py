@@ -7,6 +7,7 @@ from . import (
     engine,
     images,
     light_panel,
+    metering,
     preferences,
     readout,
     settings,
@@ -23,6 +24,7 @@ MODULES = (
     stating,
     readout,
     light_panel,
+    metering,
 )
 
 
