@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..lights._base import LightRecord
+from ..textures import constant
 from . import nodes
 from .expressions import plain_properties
 from .ies import ies_emission
@@ -30,16 +31,17 @@ def light_record(
     """Return the record of a light object, evaluated if it is to emit something.
 
     Every scalar, enum and vector property of the light is copied by Blender's name, those of
-    Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,), and one that
-    is not known does not. An IES texture comes as ``ies_text``, ``ies_frame``.
+    Cycles as ``cycles.NAME``; a constant node tree comes as ``node_emission``, (3,), one that
+    varies as ``node_texture``, and one that is not known does not. An IES texture comes as
+    ``ies_text``, ``ies_frame``.
     """
     light = bl_object.data
     properties = plain_properties(light)
     properties |= {f"cycles.{key}": value for key, value in plain_properties(light.cycles).items()}
     unknown = None
     if nodes.uses_nodes(light):
-        emission, ies, unknown = _emission(light, world_from_light)
-        properties |= {} if unknown else {_NODES: emission, **ies}
+        emission, texture, unknown = _emission(light, world_from_light)
+        properties |= {} if unknown else {_NODES: emission, **texture}
     numbers = [value for value in properties.values() if isinstance(value, float)]
     if not (np.isfinite(numbers).all() and np.isfinite(world_from_light).all()):
         unknown = NOT_FINITE
@@ -60,9 +62,13 @@ def light_record(
 def _emission(
     light: Any, world_from_light: NDArray[Any]
 ) -> tuple[nodes.Triple, dict[str, Any], str | None]:
-    """Return what the node tree multiplies, its IES properties, and what of it is not known."""
-    emission, feature = nodes.uniform_emission(light.node_tree, {"ShaderNodeEmission"})
-    return (feature and ies_emission(light, world_from_light)) or (emission, {}, feature)
+    """Return what the node tree multiplies, its texture's properties, and what is not known."""
+    found, varying, feature = nodes.emission(light.node_tree, {"ShaderNodeEmission"})
+    if feature:
+        return ies_emission(light, world_from_light) or (found, {}, feature)
+    if varying is None:
+        return found, {}, None
+    return nodes.grey(1.0), {"node_texture": varying + constant(found)}, None
 
 
 def linked(bl_object: Any) -> bool:

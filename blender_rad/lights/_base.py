@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -175,4 +175,12 @@ class Light(ABC):
 
 def light_from_record(record: LightRecord, model: Model) -> Light | None:
     """Return the light of the registered kind that `record` describes."""
-    return LIGHTS[record.bl_type].from_record(record, model)
+    light = LIGHTS[record.bl_type].from_record(record, model)
+    texture = record.properties.get("node_texture")
+    if light is None or texture is None:
+        return light
+    from ._textured import TexturedLight
+
+    common = {field.name: getattr(light, field.name) for field in fields(Light)}
+    place = record.world_from_light
+    return TexturedLight(**common, plain=light, texture=texture, world_from_light=place)

@@ -124,9 +124,13 @@ class AreaLight(Light):
             return axes / np.sum(axes**2, axis=1, keepdims=True)
         return np.linalg.pinv(axes.T)
 
+    def place(self, offset: Array) -> Array:
+        """Return where offsets (n, 3) from the centre are along the axes, (n, 2) in -½ to ½."""
+        return offset @ self._dual.T
+
     def _within(self, offset: Array) -> Mask:
         """Return whether offsets (n, 3) from the centre are inside the outline, (n,)."""
-        s, t = self._dual @ offset.T
+        s, t = self.place(offset).T
         if self.ellipse:
             return s * s + t * t <= 0.25
         return np.maximum(np.abs(s), np.abs(t)) <= 0.5

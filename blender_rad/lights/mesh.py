@@ -159,7 +159,7 @@ class MeshLight(Light):
         return distance, radiance
 
     def _nearest(self, origins: Array, directions: Array) -> tuple[Array, NDArray[np.int64], Array]:
-        """Return distance (n,), triangle (n,) and place (2, n) of rays' first hits, by Cramer's rule.
+        """Return distance (n,), triangle (n,), place (2, n) of rays' first hits: Cramer's rule.
 
         o + t d = a + s e + q f, with N = e × f, h = (a - o) × d: t = N·(a-o)/N·d, s = h·f/N·d,
         q = -h·e/N·d.
