@@ -55,6 +55,7 @@ def option(
     ----------
     parse : takes the command line's text or the Python API's value, returns the checked value;
         raises `ValueError` with what was expected.
+    metavar : where `parse` has none.
     default : the value where the option is not given; it is not parsed.
     flags : other names; ``--field-name`` is always one.
     several : takes one or more values, may be repeated, and is a tuple.
@@ -62,7 +63,7 @@ def option(
     metadata = {
         "parse": parse,
         "help": help,
-        "metavar": metavar,
+        "metavar": metavar or getattr(parse, "metavar", None),
         "flags": flags,
         "positional": positional,
         "required": required,

@@ -20,10 +20,7 @@ class MeterCommand(EngineCommand):
     """A verb that reads lux meters; `error` is the relative standard error to reach."""
 
     error: float = option(
-        values.number(0),
-        "target relative standard error (default: 0.001)",
-        default=0.001,
-        metavar="X",
+        values.number(0), "target relative standard error (default: 0.001)", default=0.001
     )
 
     def lux_meter(self) -> tuple[Any, LuxMeter]:

@@ -32,20 +32,14 @@ class SceneCommand(Command):
     frame: int | None = option(
         values.integer(-values.FRAME_LIMIT, values.FRAME_LIMIT),
         "frame (default: the file's current one)",
-        metavar="N",
     )
-    camera: str | None = option(values.text, "camera object (default: the scene's)", metavar="NAME")
-    scene: str | None = option(
-        values.text, "scene (default: the file's active one)", metavar="NAME"
-    )
-    view_layer: str | None = option(
-        values.text, "view layer (default: the scene's first)", metavar="NAME"
-    )
+    camera: str | None = option(values.text, "camera object (default: the scene's)")
+    scene: str | None = option(values.text, "scene (default: the file's active one)")
+    view_layer: str | None = option(values.text, "view layer (default: the scene's first)")
     efficacy: float = option(
         values.efficacy,
         f"lm per W of lights without a spectrum: {NAMED}, or a number (default: photopic)",
         default=values.EFFICACIES_LM_W["photopic"],
-        metavar="NAME|NUMBER",
     )
 
     def open(self, file: Path, frame: int | None, *, need_camera: bool) -> Any:
@@ -70,7 +64,6 @@ class ModelCommand(SceneCommand):
         values.choice("cycles", "physical"),
         "what lights mean: what Cycles makes of them, or what their units say (default: cycles)",
         default="cycles",
-        metavar="cycles|physical",
     )
 
     def read(
@@ -87,21 +80,18 @@ class ModelCommand(SceneCommand):
 class EngineCommand(ModelCommand):
     """A verb that works out the light of a scene; with `threads` None on all processors."""
 
-    threads: int | None = option(values.integer(1), "processors to use (default: all)", metavar="N")
+    threads: int | None = option(values.integer(1), "processors to use (default: all)")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureCommand(EngineCommand):
     """A verb that makes a picture of a scene, of the file's resolution where that is None."""
 
-    resolution: tuple[int, int] | None = option(
-        values.resolution, "pixels (default: the file's)", metavar="WxH"
-    )
+    resolution: tuple[int, int] | None = option(values.resolution, "pixels (default: the file's)")
     shading: Literal["full", "clay"] = option(
         values.choice("full", "clay"),
         "materials as they are, or all of them Lambert (default: full)",
         default="full",
-        metavar="full|clay",
     )
 
     def read(

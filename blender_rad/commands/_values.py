@@ -11,6 +11,7 @@ import operator
 import os
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,41 +25,42 @@ RESOLUTION_LIMIT = 65_536  # Blender's own
 SCENE_SUFFIX = re.compile(r"\.(blend\d*|glb|gltf)", re.IGNORECASE)
 
 
-def _parser(
-    expected: str,
-    convert: Callable[[Any], Any],
-    allowed: Callable[[Any], object] = lambda result: True,
-) -> Parse:
-    """Return a parser: `convert`, and what it gives is `allowed`, or `expected` is said."""
+@dataclass(frozen=True)
+class Value:
+    """A parser: what `convert` gives, where it is `allowed`; else `expected` is said."""
 
-    def parse(value: Any) -> Any:
+    metavar: str
+    expected: str
+    convert: Callable[[Any], Any]
+    allowed: Callable[[Any], object] = lambda result: True
+
+    def __call__(self, value: Any) -> Any:
         try:
-            result = convert(value)
+            result = self.convert(value)
         except (ValueError, TypeError, OverflowError):
-            raise ValueError(expected) from None
-        if not allowed(result):
-            raise ValueError(expected)
+            raise ValueError(self.expected) from None
+        if not self.allowed(result):
+            raise ValueError(self.expected)
         return result
-
-    return parse
 
 
 def _split(value: Any, mark: str = ",") -> list[Any]:
     return re.split(mark, value, flags=re.IGNORECASE) if isinstance(value, str) else list(value)
 
 
-text = _parser("a name", lambda value: value, lambda name: isinstance(name, str) and name)
+text = Value("NAME", "a name", lambda value: value, lambda name: isinstance(name, str) and name)
 
 
 def choice(*names: str) -> Parse:
     """Return a parser of one of `names`."""
-    return _parser(f"one of: {', '.join(names)}", str, names.__contains__)
+    return Value("|".join(names), f"one of: {', '.join(names)}", str, names.__contains__)
 
 
 def names(*known: str) -> Parse:
     """Return a parser of a comma-separated list, each of `known` where these are given."""
     expected = f"a comma-separated list of: {', '.join(known)}" if known else "names with commas"
-    return _parser(
+    return Value(
+        "A,B",
         expected,
         lambda value: tuple(dict.fromkeys(str(entry).strip() for entry in _split(value))),
         lambda entries: entries and all(entries) and not (known and set(entries) - set(known)),
@@ -68,7 +70,8 @@ def names(*known: str) -> Parse:
 def integer(low: int, high: int | None = None) -> Parse:
     """Return a parser of a whole number, both ends included."""
     expected = f"a whole number of at least {low}" + ("" if high is None else f", at most {high}")
-    return _parser(
+    return Value(
+        "N",
         expected,
         lambda value: int(value) if isinstance(value, str) else operator.index(value),
         lambda result: low <= result <= (math.inf if high is None else high),
@@ -79,7 +82,8 @@ def number(low: float = -math.inf, high: float = math.inf, *, closed: bool = Fal
     """Return a parser of a finite number, both ends excluded unless `closed`."""
     limits = [f"above {low:g}"] * (low > -math.inf) + [f"below {high:g}"] * (high < math.inf)
     words = f"{low:g} to {high:g}".replace("to inf", "or more") if closed else " and ".join(limits)
-    return _parser(
+    return Value(
+        "X",
         f"a number {words}".strip(),
         float,
         lambda x: math.isfinite(x) and (low < x < high or (closed and x in {low, high})),
@@ -88,7 +92,8 @@ def number(low: float = -math.inf, high: float = math.inf, *, closed: bool = Fal
 
 def vector(length: int) -> Parse:
     """Return a parser of `length` finite numbers with commas between them."""
-    return _parser(
+    return Value(
+        ",".join("XYZ"[:length]),
         f"{length} numbers with commas between them",
         lambda value: tuple(map(float, _split(value))),
         lambda result: len(result) == length and all(map(math.isfinite, result)),
@@ -96,7 +101,8 @@ def vector(length: int) -> Parse:
 
 
 # (width, height) of ``WIDTHxHEIGHT`` in pixels
-resolution = _parser(
+resolution = Value(
+    "WxH",
     f"WIDTHxHEIGHT in pixels, each 1 to {RESOLUTION_LIMIT}",
     lambda value: tuple(map(integer(1, RESOLUTION_LIMIT), _split(value, "x"))),
     lambda size: len(size) == 2,
@@ -111,14 +117,16 @@ def _frames(value: Any) -> tuple[int, ...]:
 
 
 # (first, last) of ``A-B``, or of a single frame
-frame_range = _parser(
+frame_range = Value(
+    "A-B",
     f"FIRST-LAST, or one frame, within {-FRAME_LIMIT} to {FRAME_LIMIT}",
     _frames,
     lambda frames: len(frames) == 2 and frames[0] <= frames[1],
 )
 
 # the luminous efficacy [lm/W] that is named or given
-efficacy = _parser(
+efficacy = Value(
+    "NAME|NUMBER",
     f"one of: {', '.join(EFFICACIES_LM_W)}, or a number of lm/W above 0",
     lambda value: EFFICACIES_LM_W[value] if value in EFFICACIES_LM_W else number(0)(value),
 )

@@ -59,28 +59,22 @@ class CheckOptions(PictureCommand, verb="check"):
         metavar="FILE.exr",
         several=True,
     )
-    exposure: float | None = option(
-        values.number(0), "film exposure of the pictures (default: 1)", metavar="X"
-    )
+    exposure: float | None = option(values.number(0), "film exposure of the pictures (default: 1)")
     witness_settings: Literal["reference", "file"] = option(
         values.choice("reference", "file"),
         "unbiased settings for the witness, or the file's own (default: reference)",
         default="reference",
-        metavar="reference|file",
     )
     tolerance: float = option(
-        values.number(0, 1),
-        "relative difference that is allowed (default: 0.01)",
-        default=0.01,
-        metavar="X",
+        values.number(0, 1), "relative difference that is allowed (default: 0.01)", default=0.01
     )
     confidence: float = option(
-        values.number(0.5, 1), "of the verdict (default: 0.99)", default=0.99, metavar="X"
+        values.number(0.5, 1), "of the verdict (default: 0.99)", default=0.99
     )
     samples: int | None = option(
-        values.integer(1), "fixed samples a pixel (default: more until decided)", metavar="N"
+        values.integer(1), "fixed samples a pixel (default: more until decided)"
     )
-    frames: tuple[int, int] | None = option(values.frame_range, "several frames", metavar="A-B")
+    frames: tuple[int, int] | None = option(values.frame_range, "several frames")
 
     def __post_init__(self) -> None:
         super().__post_init__()

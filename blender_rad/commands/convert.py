@@ -41,9 +41,7 @@ class ConvertOptions(Command, verb="convert"):
     value: tuple[float, str | None] = option(amount, AMOUNT, metavar="VALUE", positional=True)
     unit: str = option(values.text, f"one of {' '.join(UNITS)}", metavar="UNIT", positional=True)
     to: str = option(values.text, "the unit wanted", metavar="UNIT", required=True)
-    emitter: str | None = option(
-        values.text, "point, sphere, spot, area, mesh, sun or sky", metavar="NAME"
-    )
+    emitter: str | None = option(values.text, "point, sphere, spot, area, mesh, sun or sky")
     distance: float | None = option(values.number(0), "from the emitter's centre", metavar="M")
     area: float | None = option(values.number(0), "emitter's; sun, sky: what is lit", metavar="M2")
     radius: float | None = option(values.number(0), "of a ball", metavar="M")
@@ -57,13 +55,12 @@ class ConvertOptions(Command, verb="convert"):
     spectrum: str | None = option(
         values.text,
         "D65, FL2, LED-B3 …, blackbody:K, temperature:K, laser:NM, rgb:R,G,B or FILE.csv",
-        metavar="NAME",
     )
     limits: tuple[float, float] | None = option(
         values.vector(2), "nm between which its watts count (default: 380,780)", metavar="A,B"
     )
     efficacy: float | None = option(
-        values.efficacy, "instead of a spectrum: a convention, or lm per W", metavar="NAME|NUMBER"
+        values.efficacy, "instead of a spectrum: a convention, or lm per W"
     )
 
     def __post_init__(self) -> None:

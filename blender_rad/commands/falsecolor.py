@@ -45,26 +45,23 @@ class FalsecolorOptions(Command, verb="falsecolor"):
         values.choice("illuminance", "luminance"),
         "illuminance (default) or luminance",
         default="illuminance",
-        metavar="NAME",
     )
     scale: Literal["log", "linear"] = option(
-        values.choice("log", "linear"), "log (default) or linear", default="log", metavar="NAME"
+        values.choice("log", "linear"), "log (default) or linear", default="log"
     )
-    min: float | None = option(values.number(), "lower end of the legend", metavar="X")
-    max: float | None = option(values.number(), "upper end of the legend", metavar="X")
+    min: float | None = option(values.number(), "lower end of the legend")
+    max: float | None = option(values.number(), "upper end of the legend")
     isolines: tuple[float, ...] | Literal["auto"] = option(
         isolines, "labelled lines at these values, or auto", default=(), metavar="X,Y,…|auto"
     )
     exposure: float = option(
-        values.number(0), "film exposure of the render (default: 1)", default=1.0, metavar="X"
+        values.number(0), "film exposure of the render (default: 1)", default=1.0
     )
     efficacy: float | None = option(
-        values.efficacy,
-        f"lm per W: {NAMED}, or a number (default: the file's, or photopic)",
-        metavar="NAME|NUMBER",
+        values.efficacy, f"lm per W: {NAMED}, or a number (default: the file's, or photopic)"
     )
     view_layer: str | None = option(
-        values.text, "view layer in the file (default: the first with the passes)", metavar="NAME"
+        values.text, "view layer in the file (default: the first with the passes)"
     )
 
     def run(self) -> Outcome:

@@ -31,7 +31,7 @@ PLAN = 12, 24  # columns and rows of a grid that is shown as a table
 
 
 def _points(help: str) -> Any:
-    return option(values.vector(3), help, metavar="X,Y,Z", several=True)
+    return option(values.vector(3), help, several=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,6 @@ class MeasureOptions(MeterCommand, verb="measure"):
         values.choice("irradiance", "radiance"),
         "irradiance: lux meters; radiance: luminance meters (default: irradiance)",
         default="irradiance",
-        metavar="irradiance|radiance",
     )
     from_: Points = _points("where a luminance meter is")
     towards: Points = _points("a point that it looks at")

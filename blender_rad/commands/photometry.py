@@ -38,13 +38,10 @@ class PhotometryOptions(Command, verb="photometry"):
         values.output_file(".png", ".svg"), "write the polar diagram", metavar="OUT.png|OUT.svg"
     )
     unit: str = option(
-        values.choice("cd", "cd/klm"),
-        "of the diagram: cd or cd/klm (default: cd)",
-        default="cd",
-        metavar="UNIT",
+        values.choice("cd", "cd/klm"), "of the diagram: cd or cd/klm (default: cd)", default="cd"
     )
     lamp_set: int = option(
-        values.integer(1), "which of an LDT file's lamp sets (default: 1)", default=1, metavar="N"
+        values.integer(1), "which of an LDT file's lamp sets (default: 1)", default=1
     )
     to_ies: Path | None = option(
         values.output_file(".ies"), "write the same light as LM-63-2002", metavar="OUT.ies"
@@ -53,7 +50,6 @@ class PhotometryOptions(Command, verb="photometry"):
         values.choice("lm-63", "blender"),
         "of that file: lm-63, or blender as its IES Texture node turns it (default: lm-63)",
         default="lm-63",
-        metavar="lm-63|blender",
     )
 
     def __post_init__(self) -> None:

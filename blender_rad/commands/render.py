@@ -41,11 +41,9 @@ class RenderOptions(PictureCommand, verb="render"):
         required=True,
     )
     error: float | None = option(
-        values.number(0),
-        f"target relative standard error (default: {DEFAULT_ERROR})",
-        metavar="X",
+        values.number(0), f"target relative standard error (default: {DEFAULT_ERROR})"
     )
-    samples: int | None = option(values.integer(1), "fixed samples a pixel", metavar="N")
+    samples: int | None = option(values.integer(1), "fixed samples a pixel")
     passes: tuple[str, ...] | None = option(
         values.names(),
         "layers with commas, or all (default: all but those by light)",

@@ -38,7 +38,7 @@ class SolveOptions(MeterCommand, verb="solve"):
         required=True,
     )
     lights: tuple[str, ...] | None = option(
-        values.names(), "lights that may change, with commas (default: all)", metavar="A,B"
+        values.names(), "lights that may change, with commas (default: all)"
     )
     output: Path | None = option(
         values.output_file(".blend"),
