@@ -29,11 +29,15 @@ FLOAT32_ROUNDING = 1e-5  # relative; seeds can agree to the last bit, which is n
 MAX_DF = 200.0  # beyond it t is normal for our purposes, and the incomplete beta stays cheap
 
 
-def block_sums(image: Array, size: int) -> Array:
-    """Return sums over `size`×`size` blocks of the last axes but one: (…, h, w, c)."""
-    h, w = image.shape[-3:-1]
-    rows = np.add.reduceat(image, np.arange(0, h, size), axis=-3)
-    return np.add.reduceat(rows, np.arange(0, w, size), axis=-2)
+def block_sums(image: Array, size: int, first: int = -3) -> Array:
+    """Return sums over `size`×`size` blocks of two axes, those of (…, h, w, c) by default.
+
+    Blocks at the right and lower edge may be smaller.
+    """
+    for axis in (first, first + 1):
+        starts = np.arange(0, image.shape[axis], size, dtype=np.intp)
+        image = np.add.reduceat(image, starts, axis=axis)
+    return image
 
 
 @dataclass(frozen=True)

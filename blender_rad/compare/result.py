@@ -15,6 +15,7 @@ from ..strict_json import plain
 Verdict = Literal["agree", "differ", "undecided"]
 
 MIN_ENERGY = 0.01  # lights with less of it are reported, not judged
+MIN_SUPPORTED = 0.5  # of the lit pixels: with less there is no verdict
 EXCLUDED, AGREE, DIFFER, UNDECIDED = range(4)
 
 

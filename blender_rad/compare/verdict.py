@@ -33,6 +33,7 @@ from .result import (
     AGREE,
     DIFFER,
     EXCLUDED,
+    MIN_SUPPORTED,
     UNDECIDED,
     Comparison,
     LightInfo,
@@ -41,7 +42,6 @@ from .result import (
 )
 from .statistics import critical_value
 
-MIN_SUPPORTED = 0.5
 SHARED_ERRORS = 10.0  # ratio of variances; blue noise alone keeps it below 1 on average
 Layers = Mapping[str, Mapping[str, Picture]]
 

@@ -12,11 +12,12 @@ from typing import Any, Literal
 import numpy as np
 
 from ..atomic import atomic_path
+from ..compare.pools import block_sums
 from ..errors import Finding, RadError
 from ..exr import read_passes
 from ..film import Image
 from ..quantities import K_M, QUANTITIES
-from ..report.difference import pool, spread
+from ..report.difference import spread
 from ..report.pictures import hatched, nice_above
 from ..working_space import INTEROP_IDS, REC709, luminance_weights
 
@@ -220,8 +221,8 @@ def _draw_isolines(axes: Any, values: Image, lines: Sequence[float]) -> None:
 
     size = -(-max(values.shape) // BLOCKS)
     known = np.isfinite(values)
-    count = pool(known.astype(np.float64), size)
-    means = pool(np.where(known, values, 0.0), size) / np.maximum(count, 1.0)
+    count = block_sums(known.astype(np.float64), size, 0)
+    means = block_sums(np.where(known, values, 0.0), size, 0) / np.maximum(count, 1.0)
     means[2 * count <= count.max()] = np.nan
     known, rim = np.isfinite(means), MEDIAN // 2
     near = np.lib.stride_tricks.sliding_window_view(np.pad(means, rim, "edge"), (MEDIAN, MEDIAN))

@@ -8,29 +8,19 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compare.claims import TILE_TOLERANCES
+from ..compare.pools import DARK, FLOAT32_ROUNDING, TILE, block_sums
 from ..film import Image
 from .data import ReportData
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-TILE, SIZES = 16, (16, 8, 4)  # blocks, coarsest first [px]
-FLOOR = 0.05  # of the picture's mean: what darker blocks are compared with
-TILE_TOLERANCES = 5.0  # a tile may be off by five times the tolerance
+SIZES = TILE, TILE // 2, TILE // 4  # of blocks, coarsest first [px]
 CLEAR_OF_NOISE = 4.0  # standard errors: there are thousands of blocks
-ROUNDING = 1e-5  # relative, of float32 pictures
-
-
-def pool(values: Image, size: int) -> Image:
-    """Return the sums of `values` (h, w, …) over blocks of `size` pixels, (⌈h/size⌉, ⌈w/size⌉, …).
-
-    Blocks at the right and lower edge may be smaller.
-    """
-    rows, columns = (np.arange(0, length, size, dtype=np.intp) for length in values.shape[:2])
-    return np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1)
 
 
 def spread(blocks: NDArray[Scalar], size: int, shape: tuple[int, int]) -> NDArray[Scalar]:
-    """Return `blocks` blown up to pixels, (h, w); the reverse of `pool`."""
+    """Return `blocks` blown up to pixels, (h, w); the reverse of `block_sums`."""
     return np.repeat(np.repeat(blocks, size, 0), size, 1)[: shape[0], : shape[1]]
 
 
@@ -46,11 +36,11 @@ def relative_difference(data: ReportData, size: int) -> tuple[Image, Image]:
     variances = [data.luminance(np.sqrt(np.maximum(v, 0.0))) ** 2 for v in known]
     planes = [np.ones(data.compared.shape), data.luminance(data.ours), data.luminance(data.witness)]
     pixels, ours, witness, variance = (
-        pool(plane * data.compared, size) for plane in (*planes, np.sum(variances, axis=0))
+        block_sums(plane * data.compared, size, 0) for plane in (*planes, np.sum(variances, axis=0))
     )
-    floor = FLOOR * ours.sum() / max(pixels.sum(), 1.0) * pixels
+    floor = DARK * ours.sum() / max(pixels.sum(), 1.0) * pixels
     scale = np.maximum(np.maximum(ours, floor), np.finfo(np.float64).tiny)
-    return (witness - ours) / scale, np.hypot(np.sqrt(variance) / scale, ROUNDING)
+    return (witness - ours) / scale, np.hypot(np.sqrt(variance) / scale, FLOAT32_ROUNDING)
 
 
 def difference(data: ReportData, tolerance: float) -> tuple[Image, NDArray[np.int8]]:

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..atomic import atomic_path
+from ..compare.claims import TILE_TOLERANCES
+from ..compare.result import MIN_ENERGY
 from . import wording
 from .data import ReportData
-from .difference import TILE_TOLERANCES, difference, outline
+from .difference import difference, outline
 from .pictures import COLOURS, difference_picture, nice_above, photograph, white_luminance
 
 if TYPE_CHECKING:
@@ -64,7 +66,7 @@ def _rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for light in document["lights"]:
         name, group, verdict = light["name"], light["group"], light["verdict"]
-        if verdict == "undecided" and (light["energy_fraction"] or 0.0) < wording.FAINT:
+        if verdict == "undecided" and (light["energy_fraction"] or 0.0) < MIN_ENERGY:
             verdict = "faint"
         alike = [x["name"] for x in document["lights"] if group is not None and x["group"] == group]
         added = {

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compare.pools import block_sums
 from ..film import Image
 from ..working_space import rec709_from_working
 from .data import ReportData
-from .difference import pool, spread
+from .difference import spread
 
 MAX_WIDTH = 1000  # of what is shrunk for the file's size [px]
 MAP_WIDTH = 960  # that the difference map is blown up towards, so that hatching is fine [px]
@@ -67,8 +68,8 @@ def photograph(data: ReportData, radiance: Image, white_cd_m2: float) -> str:
     """Return `radiance` as an sRGB picture; wide ones are averaged down, in linear light."""
     step = -(-radiance.shape[1] // MAX_WIDTH)
     if step > 1:
-        ones = np.ones((*radiance.shape[:2], 1))
-        radiance = pool(np.nan_to_num(radiance), step) / pool(ones, step)
+        known, ones = np.nan_to_num(radiance), np.ones_like(radiance)
+        radiance = block_sums(known, step) / block_sums(ones, step)
     matrix = rec709_from_working(data.chromaticities)
     pixels = srgb(radiance, white_cd_m2 / data.efficacy_lm_W, matrix)
     return _encode(pixels, "jpeg" if step > 1 else "png")

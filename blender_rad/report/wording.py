@@ -9,6 +9,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from ..compare.result import MIN_SUPPORTED
+
 UNKNOWN = "–"
 HEADLINE_NAME = 48  # characters of a name in the headline
 MISSING, DOUBLE = 0.02, 1.5  # factors from which percent no longer say it best
@@ -18,8 +20,6 @@ VERDICTS = {  # what matters first
     "agree": "Agrees",
     "faint": "Too faint to judge",
 }
-HALF = 0.5  # of the lit pixels: with less there is no verdict
-FAINT = 0.01  # of the energy: lights below take no part in the verdict
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -113,7 +113,7 @@ def verdict(
         return Markup("{} differs: {}.").format(witness, _what_differs(rows, tiles_off)), behind
     if not document["pixels"]["compared"]:
         return Markup("Undecided: there is nothing to compare."), Markup("")
-    if coverage < HALF:
+    if coverage < MIN_SUPPORTED:
         text = "Undecided: only {} of the lit picture could be compared."
         behind = "What is in the way stands under “What was left out”."
         if settings["shading"] == "full":

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blender_rad.compare.pools import block_sums
 from blender_rad.report import ReportData, render_report, wording, write_report
-from blender_rad.report.difference import difference, outline, pool, relative_difference, spread
+from blender_rad.report.difference import difference, outline, relative_difference, spread
 from blender_rad.report.pictures import nice_above, srgb, white_luminance
 
 WEIGHTS = (0.2126390058715104, 0.7151686787677559, 0.0721923153607337)
@@ -346,9 +347,9 @@ def test_write_report_leaves_one_file(tmp_path: Any) -> None:
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
-def test_pool_sums_blocks_with_ragged_edges() -> None:
+def test_sums_of_blocks_with_ragged_edges() -> None:
     values = np.arange(35.0).reshape(5, 7)
-    sums = pool(values, 4)
+    sums = block_sums(values, 4, 0)
     assert sums.shape == (2, 2)
     assert sums[1, 1] == values[4, 4:].sum()
     assert sums.sum() == values.sum()
@@ -371,7 +372,7 @@ def test_map_is_silent_on_noise_and_shows_a_bias() -> None:
 def test_block_noise_is_calibrated_for_independent_pixels() -> None:
     data = ReportData(document("agree", []), **pictures({}, 0.05))
     relative, noise = relative_difference(data, 16)
-    whole = pool(data.compared.astype(float), 16) == 256
+    whole = block_sums(data.compared.astype(float), 16, 0) == 256
     # variance_ours adds (0.2 %)² that the made-up picture does not have: under 1 % of the noise.
     assert np.std(relative[whole] / noise[whole]) == pytest.approx(1.0, abs=0.15)
 

@@ -19,26 +19,26 @@ def _relative_errors(candidate: Array, reference: Array) -> Array:
     return _ratio(candidate - reference, np.maximum(reference, DARK * reference.mean()))
 
 
-@metric(ideal=1.0, better="nearer")
+@metric
 def energy_ratio(candidate: Array, reference: Array) -> float:
     """Σx / Σr: 1 when both pictures hold the same energy."""
     total = reference.sum()
     return float(candidate.sum() / total) if total else float("nan")
 
 
-@metric(better="nearer")
+@metric
 def mean_signed_relative_error(candidate: Array, reference: Array) -> float:
     """mean[(x−r) / max(r, 0.01·mean(r))]: positive where the candidate is brighter."""
     return float(np.mean(_relative_errors(candidate, reference)))
 
 
-@metric()
+@metric
 def p95_absolute_relative_error(candidate: Array, reference: Array) -> float:
     """P95[|x−r| / max(r, 0.01·mean(r))]."""
     return float(np.percentile(np.abs(_relative_errors(candidate, reference)), 95.0))
 
 
-@metric()
+@metric
 def relmse(candidate: Array, reference: Array) -> float:
     """mean[(x−r)² / (r² + 0.01·mean(r)²)]."""
     scale = reference**2 + DARK * reference.mean() ** 2
