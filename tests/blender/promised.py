@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import re
@@ -20,6 +19,8 @@ from typing import Any
 import bpy
 import numpy as np
 from numpy.typing import NDArray
+
+from . import reading
 
 WIDTH, HEIGHT = 32, 24
 ALBEDO = (0.8, 0.5, 0.25)
@@ -138,13 +139,10 @@ def refused(run: Ran, *named: str) -> None:
         assert word in run.err, run.err
 
 
-def tree(folder: Path) -> dict[str, tuple[str, int]]:
+def tree(folder: Path) -> dict[str, tuple[int, int]]:
     """Return each file's digest and time of change, by its path in the folder."""
     return {
-        str(path.relative_to(folder)): (
-            hashlib.sha256(path.read_bytes()).hexdigest(),
-            path.stat().st_mtime_ns,
-        )
+        str(path.relative_to(folder)): (hash(path.read_bytes()), path.stat().st_mtime_ns)
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
@@ -167,67 +165,44 @@ def layer(channels: dict[str, NDArray[np.float64]], name: str) -> NDArray[np.flo
     return np.stack([channels[f"{prefix}{c}"] for c in "RGB"], axis=-1)
 
 
-def link(name: str, data: Any, at: tuple[float, float, float] = (0, 0, 0)) -> Any:
-    thing = bpy.data.objects.new(name, data)
-    thing.location = at
-    bpy.context.scene.collection.objects.link(thing)
-    return thing
+def link(name: str, data: Any, at: Any = (0, 0, 0)) -> Any:
+    return reading.add(name, data, location=at)
 
 
-def with_nodes(thing: Any) -> None:
-    if not thing.node_tree:  # from 5.0 on it is always there
-        thing.use_nodes = True
-
-
-def matte(name: str, color: tuple[float, float, float] = ALBEDO) -> Any:
-    material = bpy.data.materials.new(name)
-    with_nodes(material)
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    surface = nodes.new('ShaderNodeBsdfDiffuse')
-    surface.inputs["Color"].default_value = (*color, 1)
-    output = nodes.new('ShaderNodeOutputMaterial')
-    material.node_tree.links.new(surface.outputs["BSDF"], output.inputs["Surface"])
-    return material
-
-
-def square(name: str, half: float, at: tuple[float, float, float] = (0, 0, 0)) -> Any:
+def square(name: str, half: float, at: Any = (0, 0, 0)) -> Any:
+    corners, faces = reading.SQUARE
     mesh = bpy.data.meshes.new(name)
-    corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]
-    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
-    mesh.materials.append(matte(name))
+    mesh.from_pydata([(half * x, half * y, 0) for x, y, _ in corners], [], faces)
+    mesh.materials.append(reading.material(name, 'ShaderNodeBsdfDiffuse', Color=(*ALBEDO, 1)))
     return link(name, mesh, at)
 
 
 def point(
     name: str = "Key",
-    at: tuple[float, float, float] = (0.4, 0.2, 2.0),
+    at: Any = (0.4, 0.2, 2.0),
     energy: float = 100.0,
     radius: float = 0.0,
     soft: bool = False,
 ) -> Any:
-    light = bpy.data.lights.new(name, 'POINT')
-    light.energy, light.shadow_soft_size, light.use_soft_falloff = energy, radius, soft
-    return link(name, light, at)
+    shape = {"shadow_soft_size": radius, "use_soft_falloff": soft}
+    lamp = reading.light('POINT', name, energy=energy, **shape)
+    lamp.location = at
+    return lamp
 
 
 def panel(name: str = "Fill", energy: float = 40.0) -> Any:
-    light = bpy.data.lights.new(name, 'AREA')
-    light.energy, light.size = energy, 1.0
-    return link(name, light, (-1.0, 0.0, 1.5))
+    lamp = reading.light('AREA', name, energy=energy, size=1.0)
+    lamp.location = (-1.0, 0.0, 1.5)
+    return lamp
 
 
 def world(name: str, color: tuple[float, float, float]) -> None:
-    bl_world = bpy.data.worlds.new(name)
-    with_nodes(bl_world)
-    bl_world.node_tree.nodes["Background"].inputs["Color"].default_value = (*color, 1)
-    bpy.context.scene.world = bl_world
+    reading.world(name, Color=(*color, 1))
 
 
 def stage() -> Any:
     """Empty the session; put a camera 5 m above a 4 m floor, so that background shows beside it."""
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    scene = bpy.context.scene
+    scene = reading.empty_scene()
     scene.render.engine = 'CYCLES'
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
     camera = bpy.data.cameras.new("Camera")

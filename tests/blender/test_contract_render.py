@@ -38,7 +38,6 @@ from .promised import (
     world,
 )
 
-LONG = 300 * "x"  # longer than a file's name can be
 SINGLE = 1e-5  # of sums of single-precision pixels
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 STANDARD = {
@@ -400,15 +399,6 @@ def test_bad_scene_by_itself_is_one_line(tmp_path: Path) -> None:
     bad = tmp_path / "text.glb"
     bad.write_text("I am no scene\n")
     refused(ran("render", bad, "-o", tmp_path / "o.exr"), str(bad))
-
-
-def test_outputs_that_cannot_be_written(files: dict[str, Path], tmp_path: Path) -> None:
-    before = tree(tmp_path)
-    for bad in ("/proc/nowhere/o.exr", LONG + ".exr"):
-        refused(inside("render", files["two"], "-o", tmp_path / bad, "--samples", 1), bad)
-    for bad in ("/proc/nowhere", LONG):
-        refused(inside("check", files["two"], "--report", tmp_path / bad, "--samples", 1), bad)
-    assert tree(tmp_path) == before
 
 
 @pytest.mark.parametrize("options", [("blind",), ("choices", "--scene", "Empty scene")])

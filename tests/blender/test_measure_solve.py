@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import blender_rad
-from tests.blender.reading import material
 
+from . import reading
 from .promised import (
     exr,
     inside,
@@ -73,15 +73,13 @@ def test_grids_of_rooms(tmp_path: Path, room: tuple[Any, ...]) -> None:
 
 def test_grid_object_hidden_and_turned(tmp_path: Path) -> None:
     """A mesh of 2 × 1 m, 1 m before a lamp, facing it; excluded, moved by a parent, less 0.25 m."""
-    bl_scene = stage()
+    stage()
     point("Lamp", (5.0, 0.0, 1.0), 100.0)
     mesh = bpy.data.meshes.new("Task")
     mesh.from_pydata([(-2, -0.5, 0), (2, -0.5, 0), (2, 0.5, 0), (-2, 0.5, 0)], [], [(0, 1, 2, 3)])
     task, parent = bpy.data.objects.new("Task", mesh), link("Parent", None, (4.0, 0.0, 1.0))
     task.parent, task.scale, task.rotation_euler = parent, (0.5, 1, 1), (0, math.pi / 2, 0)
-    away = bpy.data.collections.new("Away")
-    bl_scene.collection.children.link(away)
-    away.objects.link(task)
+    reading.collection("Away").objects.link(task)
     bpy.context.view_layer.layer_collection.children["Away"].exclude = True
     file = save(tmp_path / "task.blend")
     found = blender_rad.measure(file, grid="Task", spacing=0.5, margin=0.25, maintenance_factor=0.8)
@@ -144,7 +142,7 @@ def test_dark_and_unsupported(tmp_path: Path) -> None:
     assert [f["code"] for f in found["findings"]] == ["nothing-emits"]
 
     def veil() -> None:
-        glass = material("Glass", 'ShaderNodeBsdfTransparent')
+        glass = reading.material("Glass", 'ShaderNodeBsdfTransparent')
         glass.use_transparent_shadow = False
         square("Veil", 3.0, (0, 0, 1)).data.materials[0] = glass
 
@@ -192,7 +190,7 @@ def test_solve_round_trip(tmp_path: Path) -> None:
     group.objects.link(second)
     link("Twin", None, (0.0, 6.0, 0.0)).instance_collection = group
     bpy.data.objects["Twin"].instance_type = "COLLECTION"
-    glow = material("Glow", 'ShaderNodeEmission', Strength=3.0)
+    glow = reading.material("Glow", 'ShaderNodeEmission', Strength=3.0)
     for name, y in (("C", -2.0), ("D", 2.0)):
         square(name, 0.5, (0.0, y, 2.0)).data.materials[0] = glow
     world("Sky", (0.05, 0.05, 0.05))

@@ -35,12 +35,9 @@ def test_failure_leaves_the_old_file_alone(tmp_path: Path, error: type[BaseExcep
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_writing_nothing_is_an_error(tmp_path: Path) -> None:
+def test_writing_nothing_or_nowhere_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "out"):
         pass
-
-
-def test_a_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "no" / "out") as temporary:
         temporary.write_text("x")
 

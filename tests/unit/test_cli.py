@@ -164,6 +164,9 @@ def test_outputs_are_checked_before_the_work(
         assert "cannot write" in complaint(capsys, "render", scene, "-o", str(tmp_path / bad))
     for bad in (f"{scene}/below", scene):
         assert "cannot write" in complaint(capsys, "check", scene, "--report", bad)
+    long = str(tmp_path / (300 * "x" + ".exr"))  # longer than a file's name can be
+    for verb, flag in (("render", "-o"), ("check", "--report")):
+        assert "expected a usable path" in complaint(capsys, verb, scene, flag, long)
     assert "--output" in complaint(capsys, "render", scene)
     picture = tmp_path / "cycles.exr"
     picture.touch()
