@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Finding
 from ..strict_json import plain
@@ -16,7 +13,6 @@ Verdict = Literal["agree", "differ", "undecided"]
 
 MIN_ENERGY = 0.01  # lights with less of it are reported, not judged
 MIN_SUPPORTED = 0.5  # of the lit pixels: with less there is no verdict
-EXCLUDED, AGREE, DIFFER, UNDECIDED = range(4)
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,6 @@ class Comparison:
         relative to its tolerance.
     our_noise_share : part of the variance of what is undecided that is ours; the rest is the
         witness's. Tells whose samples to buy.
-    pixel_classes : (h, w) uint8, one of EXCLUDED, AGREE, DIFFER, UNDECIDED.
     """
 
     verdict: Verdict
@@ -86,9 +81,8 @@ class Comparison:
     metrics: dict[str, float]
     lights: tuple[LightResult, ...]
     findings: tuple[Finding, ...]
-    needed_factor: float | None
-    our_noise_share: float
-    pixel_classes: NDArray[np.uint8] = field(repr=False)
+    needed_factor: float | None = None
+    our_noise_share: float = 0.0
     least_factor: float = 0.0
     held_up_by: str = ""
     held_up_error: float = 0.0

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import Finding, RadError
 from ..film import Film
@@ -29,17 +28,7 @@ from .pools import (
     frame_means,
     split_in_space,
 )
-from .result import (
-    AGREE,
-    DIFFER,
-    EXCLUDED,
-    MIN_SUPPORTED,
-    UNDECIDED,
-    Comparison,
-    LightInfo,
-    LightResult,
-    PixelCounts,
-)
+from .result import MIN_SUPPORTED, Comparison, LightInfo, LightResult, PixelCounts
 from .statistics import critical_value
 
 SHARED_ERRORS = 10.0  # ratio of variances; blue noise alone keeps it below 1 on average
@@ -161,10 +150,8 @@ def _judge(job: _Job) -> Comparison:
     mean = job.pictures.mean(axis=0, dtype=float)
     metrics = compute_all(job.film.radiance[job.compared], mean[job.compared])
     if job.has("nothing-compared"):
-        classes = np.where(job.compared, UNDECIDED, EXCLUDED).astype(np.uint8)
         rows = tuple(_row(info) for info in job.infos.values())
-        counts, findings = _count(classes, job), tuple(job.findings)
-        return Comparison("undecided", counts, metrics, rows, findings, None, 0.0, classes)
+        return Comparison("undecided", _pixels(job, mean), metrics, rows, tuple(job.findings))
     case, problem = job.case, job.case.problem
     claims = claims_of(case.pools, problem, case.tolerance)
     outside, within = claims.outside(case.alpha), claims.within(case.agree_alpha)
@@ -175,11 +162,8 @@ def _judge(job: _Job) -> Comparison:
         explained = diagnose(case, verdicts)
         job.findings.extend(explained.findings)
         job.findings.extend(_tile_findings(case.pools, outside[claims.group == TILES]))
-    classes, findings = _classify(job, mean), tuple(job.findings)
     rows = _light_results(job, explained)
-    comparison = Comparison(
-        verdict, _count(classes, job), metrics, rows, findings, None, 0.0, classes
-    )
+    comparison = Comparison(verdict, _pixels(job, mean), metrics, rows, tuple(job.findings))
     if verdict != "undecided" or not case.agree_alpha or job.has("coverage-low"):
         return comparison
     group, ahead = foretell(claims, case.alpha)
@@ -229,27 +213,22 @@ def _tile_findings(pools: Pools, off: Mask) -> list[Finding]:
     return [Finding("tiles-differ", "error", "", message, 100.0 * relative)]
 
 
-def _classify(job: _Job, mean: Array) -> NDArray[np.uint8]:
-    """Return the class of each pixel, (h, w), by its own t-interval; for display only.
+def _pixels(job: _Job, mean: Array) -> PixelCounts:
+    """Return how many pixels agree and differ, each by its own t-interval; for display only.
 
     A single picture has no spread; its pixels stay undecided.
     """
-    classes = np.where(job.compared, UNDECIDED, EXCLUDED).astype(np.uint8)
-    ours, count = job.film.radiance, len(job.pictures)
-    if count < 2:
-        return classes
-    squares = sum(((picture - mean) ** 2 for picture in job.pictures), np.zeros_like(mean))
-    scale = np.maximum(np.abs(ours), DARK * job.case.pools.frame.scale)
-    floor = (FLOAT32_ROUNDING * scale) ** 2
-    error = np.sqrt(np.maximum(squares / (count * (count - 1)), floor) + job.film.variance)
-    reach = critical_value(job.case.alpha, count - 1.0) * error
-    size, tolerance = np.abs(mean - ours), TILE_TOLERANCES * job.case.tolerance * scale
-    classes[job.compared & (size + reach <= tolerance).all(axis=2)] = AGREE
-    classes[job.compared & (size - reach > tolerance).any(axis=2)] = DIFFER
-    return classes
-
-
-def _count(classes: NDArray[np.uint8], job: _Job) -> PixelCounts:
-    agree, differ, undecided = (int((classes == k).sum()) for k in (AGREE, DIFFER, UNDECIDED))
+    ours, count, known = job.film.radiance, len(job.pictures), (0, 0)
+    if count > 1 and not job.has("nothing-compared"):
+        squares = sum(((picture - mean) ** 2 for picture in job.pictures), np.zeros_like(mean))
+        scale = np.maximum(np.abs(ours), DARK * job.case.pools.frame.scale)
+        floor = (FLOAT32_ROUNDING * scale) ** 2
+        error = np.sqrt(np.maximum(squares / (count * (count - 1)), floor) + job.film.variance)
+        reach = critical_value(job.case.alpha, count - 1.0) * error
+        size, tolerance = np.abs(mean - ours), TILE_TOLERANCES * job.case.tolerance * scale
+        agree = (size + reach <= tolerance).all(axis=2)
+        differ = (size - reach > tolerance).any(axis=2)
+        known = int((job.compared & agree).sum()), int((job.compared & differ).sum())
+    compared = int(job.compared.sum())
     excluded = int((job.film.inside & ~job.compared).sum())
-    return PixelCounts(int(job.compared.sum()), agree, differ, undecided, excluded)
+    return PixelCounts(compared, *known, compared - sum(known), excluded)
