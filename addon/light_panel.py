@@ -12,23 +12,23 @@ from bpy.props import StringProperty
 from . import readout, stating
 
 QUANTITIES = {
-    'W': "Radiant Flux",
-    'lm': "Luminous Flux",
-    'cd': "Luminous Intensity",
-    'W/sr': "Radiant Intensity",
+    'W': "Flux",
+    'lm': "Flux",
+    'cd': "Intensity",
+    'W/sr': "Intensity",
     'lx': "Illuminance",
     'W/m2': "Irradiance",
     'cd/m2': "Luminance",
     'W/m2/sr': "Radiance",
     'EV100': "Luminance",
 }
-READ = (  # symbol, key, unit, in words
-    ("Φ", "luminous_flux_lm", "lm"),
+READ = (  # what, its key, and its unit
+    ("Flux Φ", "luminous_flux_lm", "lm"),
     ("Φ", "radiant_flux_W", "W"),
-    ("I", "peak_luminous_intensity_cd", "cd"),
-    ("L", "luminance_cd_m2", "cd/m²"),
-    ("E", "facing_lx", "lx"),
-    ("CCT", "correlated_colour_temperature_K", "K"),
+    ("Intensity I", "peak_luminous_intensity_cd", "cd"),
+    ("Luminance L", "luminance_cd_m2", "cd/m²"),
+    ("", "facing_lx", "lx"),
+    ("Colour", "correlated_colour_temperature_K", "K"),
 )
 LETTER = 6.5  # px of a letter at a UI scale of 1, on average
 
@@ -133,15 +133,21 @@ class RADIOMETRIC_PT_emits(_Data, bpy.types.Panel):
             return
         from ..blender_rad.inspection import figure
 
-        grid = layout.grid_flow(row_major=True, columns=2, align=True)
-        for symbol, key, unit in READ:
-            if row[key] is not None:
-                grid.label(text=f"{symbol}   {figure(row[key])} {unit}")
-        place = "at the 3D cursor" if at_cursor else f"{group.distance:g} m away"
-        line = layout.row()
-        if light.type != 'SUN':
-            line.label(text=f"E {place}")
-            line.prop(scene, "radiometric_at_cursor", text="", icon='CURSOR')
+        place = "at the Cursor" if at_cursor else f"at {group.distance:g} m"
+        facing = "E" if light.type == 'SUN' else f"E {place}"
+        column = layout.column(align=True)
+        for words, key, unit in READ:
+            if row[key] is None:
+                continue
+            split = column.split(factor=0.4)
+            name = split.row()
+            name.alignment = 'RIGHT'
+            name.active = False
+            name.label(text=words or facing)
+            value = split.row()
+            value.label(text=f"{figure(row[key])} {unit}")
+            if not words and light.type != 'SUN':
+                value.prop(scene, "radiometric_at_cursor", text="", icon='CURSOR', emboss=False)
         notes = layout.column(align=True)
         notes.active = False
         for note in row["notes"]:
