@@ -62,17 +62,17 @@ def ies_emission(
     strength = nodes.number(node.inputs["Strength"], groups)
     rgb = nodes.colour(leaf.node.inputs["Color"], leaf.groups)
     frame = _frame(node.inputs["Vector"], groups, light, world_from_light[:3, :3].T)
-    if factor is None or strength is None or rgb is None or leaf.weight is None or frame is None:
+    if factor is None or strength is None or rgb is None or leaf.share is None or frame is None:
         return nodes.BLACK, {}, f"{FEATURE} with inputs that are not constant"
     if light.type == 'SUN' or abs(np.linalg.det(frame)) == 0.0:
         return nodes.BLACK, {}, f"{FEATURE} on a {light.type.lower()} light of no size"
-    red, green, blue = (factor * strength * leaf.weight * x for x in rgb)
+    red, green, blue = (factor * strength * leaf.share * x for x in rgb)
     return (red, green, blue), {"ies_text": _content(node), "ies_frame": frame}, None
 
 
 def _product(socket: Any, groups: nodes.Groups) -> tuple[float | None, Any, nodes.Groups]:
     """Return the node behind `socket` and the constant that Multiply nodes put before it."""
-    output, groups = nodes.source(socket, groups)[1:]
+    output, groups = nodes.source(socket, groups)[1:3]
     node = output and output.node
     if node is None or node.bl_idname != "ShaderNodeMath" or node.operation != 'MULTIPLY':
         return 1.0, node, groups
@@ -97,7 +97,7 @@ def _frame(socket: Any, groups: nodes.Groups, light: Any, normal: Array) -> Arra
 
     `normal` is the map of normals to the light's frame, which Cycles applies to directions here.
     """
-    output, inner = nodes.source(socket, groups)[1:]
+    output, inner = nodes.source(socket, groups)[1:3]
     if output is None:
         return normal if socket.node.bl_idname == "ShaderNodeTexIES" else None
     node = output.node
