@@ -79,6 +79,15 @@ def material(name: str, kind: str, **inputs: Any) -> Any:
     return created
 
 
+def added(created: Any, other: str, **inputs: Any) -> Any:
+    """Add another closure to what a material shows; return the sum."""
+    tree, output = created.node_tree, created.node_tree.get_output_node('CYCLES')
+    shown = output.inputs[0].links[0].from_socket
+    both = node(tree, "ShaderNodeAddShader", shown, node(tree, other, **inputs))
+    tree.links.new(both.outputs[0], output.inputs[0])
+    return both
+
+
 def world(name: str = "World", **inputs: Any) -> Any:
     """A world of one Background node for the scene."""
     created = bpy.context.scene.world = bpy.data.worlds.new(name)
@@ -147,13 +156,7 @@ def cycles_passes(path: Path) -> dict[str, Array]:
     scene.cycles.use_denoising = False
     layer = scene.view_layers[0]
     layer.use_pass_position = layer.use_pass_normal = layer.use_pass_z = True
-    settings = render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = 'MULTI_LAYER_IMAGE'
-    settings.file_format, settings.color_depth = 'OPEN_EXR_MULTILAYER', '32'
-    render.filepath = str(path / "passes.exr")
-    with quiet_stdout():
-        bpy.ops.render.render(write_still=True)
+    render_layers(path / "passes.exr")
     channels: dict[str, Array] = {}
     with OpenEXR.File(render.filepath, separate_channels=True) as file:
         for part in file.parts:
@@ -166,6 +169,17 @@ def cycles_passes(path: Path) -> dict[str, Array]:
         passes[name] = np.stack([channels[f"{name}.{c}"] for c in "RGB"], axis=-1)
     depth = next(v for k, v in channels.items() if k.startswith("Depth."))
     return {**passes, "Depth": depth}
+
+
+def render_layers(path: Path) -> None:
+    """Render all passes of the scene into one EXR file."""
+    render = bpy.context.scene.render
+    settings, render.filepath = render.image_settings, str(path)
+    if hasattr(settings, "media_type"):
+        settings.media_type = 'MULTI_LAYER_IMAGE'
+    settings.file_format, settings.color_depth = 'OPEN_EXR_MULTILAYER', '32'
+    with quiet_stdout():
+        bpy.ops.render.render(write_still=True)
 
 
 def shading_normals(mesh: Mesh, instance: Instance, points: Array) -> tuple[Array, Array]:

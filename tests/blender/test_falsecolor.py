@@ -21,7 +21,7 @@ from blender_rad.photometry.falsecolor import read_map
 from blender_rad.working_space import REC709, luminance_weights
 
 from .agreement import look_at
-from .reading import empty_scene, material
+from .reading import added, empty_scene, material, render_layers
 
 EMISSION, ALBEDO = np.array([1.0, 2.0, 0.5]), np.array([0.2, 0.5, 0.8])
 RADIANCE = EMISSION / (1 - ALBEDO)
@@ -33,13 +33,7 @@ SIZE = (48, 27)
 def glow(name: str, emission: np.ndarray, albedo: np.ndarray) -> Any:
     """Lambert that emits."""
     created = material(name, "ShaderNodeBsdfDiffuse", Color=(*albedo, 1))
-    nodes, links = created.node_tree.nodes, created.node_tree.links
-    diffuse, output = nodes["Diffuse BSDF"], nodes["Material Output"]
-    light, both = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
-    light.inputs["Color"].default_value = (*emission, 1)
-    links.new(diffuse.outputs[0], both.inputs[0])
-    links.new(light.outputs[0], both.inputs[1])
-    links.new(both.outputs[0], output.inputs["Surface"])
+    added(created, "ShaderNodeEmission", Color=(*emission, 1))
     return created
 
 
@@ -64,14 +58,9 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
     layer = bl_scene.view_layers[0]
     layer.use_pass_diffuse_direct = layer.use_pass_diffuse_indirect = True
     layer.use_pass_diffuse_color = True
-    if hasattr(render.image_settings, "media_type"):
-        render.image_settings.media_type = 'MULTI_LAYER_IMAGE'
-    render.image_settings.file_format = 'OPEN_EXR_MULTILAYER'
-    render.image_settings.color_depth = '32'
     folder = tmp_path_factory.mktemp("box")
-    render.filepath = str(folder / "cycles.exr")
+    render_layers(folder / "cycles.exr")
     with quiet_stdout():
-        bpy.ops.render.render(write_still=True)
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "box.blend"))
     return folder
 

@@ -82,10 +82,7 @@ class Box:
         ):
             mesh.materials[0] = glow
             reading.add(name, mesh, scale=(0.1, 0.05, 0.1), visible_camera=False)
-        scene.world = bpy.data.worlds.new("World")
-        if bpy.app.version < (5, 0):
-            scene.world.use_nodes = True
-        scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.3, 0.4, 0.5, 1)
+        reading.world(Color=(0.3, 0.4, 0.5, 1))
         add_light("hidden", 'POINT')
         bpy.data.objects["hidden"].hide_render = True
         add_light("driven", 'POINT')
@@ -138,11 +135,9 @@ def render_settings(scene: Any, path: Path) -> None:
 
 
 def add_light(name: str, kind: str, *, scale: Any = (1, 1, 1), **properties: Any) -> None:
-    light = bpy.data.lights.new(name, kind)
-    reading.add(name, light, scale=scale, rotation_euler=(0.0, 0.0, 0.3))
     point = {"shadow_soft_size": 0.0} if kind in ('POINT', 'SPOT') else {}
-    for key, value in {"energy": 40.0, **point, **properties}.items():
-        setattr(light, key, value)
+    placed = reading.light(kind, name, **{"energy": 40.0, **point, **properties})
+    placed.scale, placed.rotation_euler, light = scale, (0.0, 0.0, 0.3), placed.data
     if name == "ies":
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)

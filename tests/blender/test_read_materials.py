@@ -13,7 +13,7 @@ from blender_rad.bpy_io.materials import read_material, surface_of
 from blender_rad.scene import CLAY_ALBEDO, Material
 from blender_rad.textures import Context
 
-from .reading import empty_scene, material, node
+from .reading import added, empty_scene, material, node
 
 CLAY = (CLAY_ALBEDO,) * 3
 RED = (0.8, 0.2, 0.1, 1)
@@ -28,14 +28,6 @@ def tree_of(created: Any) -> tuple[Any, Any, Any]:
     """Return a material's node tree, its output node, and the socket that is its surface."""
     output = created.node_tree.get_output_node('CYCLES')
     return created.node_tree, output, output.inputs[0].links[0].from_socket
-
-
-def added(created: Any, other: str) -> Any:
-    """Add another closure to what a material shows; return the sum."""
-    tree, output, surface = tree_of(created)
-    add = node(tree, "ShaderNodeAddShader", surface, node(tree, other))
-    tree.links.new(add.outputs[0], output.inputs[0])
-    return add
 
 
 def mixed(first: str, second: str, factor: float | None) -> Any:
