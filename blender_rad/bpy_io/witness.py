@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
@@ -189,13 +189,18 @@ class CyclesWitness:
         path, name = setting.rsplit(".", 1)
         setattr(self.bl_scene.path_resolve(path), name, value)
 
-    def taken_back(self, pictures: NDArray[np.float32], samples: int) -> Iterator[TakenBack]:
+    def taken_back(
+        self, pictures: NDArray[np.float32], samples: int, kept: Collection[str] = ()
+    ) -> Iterator[TakenBack]:
         """Take back the file's settings that change the light, one after the other, for good.
 
+        Those whose code is in `kept` stay.
         `pictures` (s, h, w, 3) are of the seeds 1 to s with all of them: what each does adds up to
         what they all do.
         """
         for code, settings in BIASING.items():
+            if code in kept:
+                continue
             if own := {setting: self.kept[setting] for setting in settings if setting in self.kept}:
                 for setting, (_, unbiased) in own.items():
                     self._set(setting, unbiased)

@@ -4,25 +4,60 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from ..errors import Finding
-from ._base import Outcome, aligned
+from . import _values as values
+from ._base import Outcome, aligned, option
 from ._scene import EngineCommand
+
+SIDE = 96  # pixels of the longer side of Cycles' pictures
+SEEDS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
 class LintOptions(EngineCommand, verb="lint"):
-    """Name settings and set-ups that bias a photometric render, each with its effect."""
+    """Name settings and set-ups that bias a photometric render, each with its effect.
+
+    Attributes
+    ----------
+    measure : samples a pixel of Cycles' small pictures with and without each setting that has no
+        closed form; None renders none.
+    """
+
+    measure: int | None = option(
+        values.integer(1), "measure settings by small Cycles pictures of N samples a pixel"
+    )
 
     def run(self) -> Outcome:
         from ..bpy_io.settings import render_settings
         from ..linting import lint
 
         bl_scene, scene = self.read(self.frame)
-        findings = lint(scene, render_settings(bl_scene), self.threads)
+        settings = render_settings(bl_scene)
+        measured = self._measured(bl_scene, scene.resolution) if self.measure else {}
+        findings = lint(scene, settings, self.threads, measured)
         document = {"findings": findings, "efficacy_lm_W": self.efficacy, "model": self.model}
         code = int(any(finding.severity == "error" for finding in findings))
         return Outcome(document, _text(findings), code)
+
+    def _measured(self, bl_scene: Any, size: tuple[int, int]) -> dict[str, float]:
+        """Return the effects [%] of settings by code; the open scene is changed."""
+        import numpy as np
+
+        from ..bpy_io.witness import CyclesWitness
+        from ..compare.effects import effect_of
+
+        width, height = (max(1, side * SIDE // max(size)) for side in size)
+        witness = CyclesWitness(
+            bl_scene, resolution=(width, height), settings="file", threads=self.threads
+        )
+        witness.prepare()
+        samples = self.measure or 1
+        seeds = range(1, SEEDS + 1)
+        pictures = np.stack([witness.render(seed, samples)[..., :3] for seed in seeds])
+        taken = witness.taken_back(pictures, samples, kept=("bounces",))
+        return {code: effect_of(*both).whole for code, _, *both in taken}
 
 
 def _text(findings: list[Finding]) -> str:
