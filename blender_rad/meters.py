@@ -299,7 +299,8 @@ class _Few:
         one.emitters = [emitter]
         for arrival in one.arrivals(surface, lambda *_: np.zeros(len(sent)), lambda _: u):
             arrived += arrival.rgb @ weights / (rgb @ weights)
-            self.colour[number, rows] += arrival.rgb.reshape(len(rows), -1, 3).sum(axis=1)
+            colour = arrival.rgb.reshape(len(rows), -1, 3).sum(axis=1)
+            self.colour[number, rows] += colour * (STREAMS / shape[1])  # delta: all streams' one
             for exclusion in arrival.exclusions:
                 mask = self.excluded.setdefault(exclusion.cause, np.zeros(len(self.points), bool))
                 mask[rows[exclusion.rows // (shape[1] * shape[2])]] = True
