@@ -261,7 +261,8 @@ class _Run:
         uniform = Points(pixel, stream, index, self.settings.seed + passed * ANOTHER_SEED)
         if rays is None:
             where = self._positions(pixel, uniform.pair(0))
-            rays = camera_rays(self.camera, self.scene.resolution, where)
+            lens = uniform.pair(-1) if self.camera.aperture else None
+            rays = camera_rays(self.camera, self.scene.resolution, where, lens)
         hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
         met = (hits.instance >= 0) & (hits.distance <= rays.reach)
         batch = Batch(rows, count, np.flatnonzero(met), weight)
@@ -365,25 +366,26 @@ class _Run:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""
         world, transparent = self.scene.world, self.scene.film_transparent
         if batch.weight is None:
-            alpha = met.astype(float) if transparent else np.ones(batch.count)
+            alpha = (~free).astype(float) if transparent else np.ones(batch.count)
+        free = ~met & (rays.reach > -np.inf)
             self.sums.alpha[batch.span] += batch.total(alpha)
         elif transparent:
             clear = np.where(met, 0.0, batch.weight.mean(axis=1))
             self.sums.alpha[batch.span] -= batch.total(clear)
         radiance = np.zeros((batch.count, 3), order="F")
-        if world.visible_camera and not transparent and not met.all():
+        if world.visible_camera and not transparent and free.any():
             for light in self.world:
-                _, shown = light.intersect(rays.origins[~met], rays.directions[~met])
-                radiance[~met] += light.rgb * shown.reshape(len(shown), -1)
+                _, shown = light.intersect(rays.origins[free], rays.directions[free])
+                radiance[free] += light.rgb * shown.reshape(len(shown), -1)
             if self.world:
                 self._show(batch, radiance, self.layers.get(WORLD_NAME, -1))
             for cause in world.unsupported:
-                self._exclude(batch, np.flatnonzero(~met), cause)
+                self._exclude(batch, np.flatnonzero(free), cause)
         before = np.where(met, distance, rays.reach)
         for light in self.scene.lights:
             if light.visible_camera:
                 at, shown = light.intersect(rays.origins, rays.directions)
-                in_view = np.where(np.isinf(at), ~met, at < before)
+                in_view = np.where(np.isinf(at), free, at < before)
                 own = np.where(in_view[:, None], shown.reshape(len(shown), -1), 0.0) * light.rgb
                 self._show(batch, own, self.layers.get(light.name, -1))
                 radiance += own

@@ -120,28 +120,56 @@ class Instance:
 
 
 @dataclass(frozen=True)
-class Camera:
-    """A perspective or orthographic camera, looking along its local -Z.
-
-    A picture position (x, y) in pixels, x right and y up from the lower left corner of the full
-    frame, maps linearly to the plane z = -1 (perspective) or to ray origins on z = 0
-    (orthographic): ``x_plane = plane[0] + x / width * (plane[1] - plane[0])`` and likewise with
-    plane[2:4] for y.
+class Aperture:
+    """The opening of a thin lens.
 
     Attributes
     ----------
+    radius : [bu] of a disc, or of the circle around a polygon of 3 `blades` or more.
+    focus : distance [bu] at which the picture is sharp, along the view axis or, in panoramas, from
+        the camera.
+    rotation : of the polygon [rad].
+    ratio : of its height to its width.
+    """
+
+    radius: float
+    focus: float
+    blades: int = 0
+    rotation: float = 0.0
+    ratio: float = 1.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera that looks along its local -Z.
+
+    A picture position (x, y) in pixels, x right and y up from the lower left corner of the full
+    frame, maps linearly to the plane z = -1 (perspective), to ray origins on z = 0 (orthographic)
+    or to the place (u, v) in a panorama: ``x_plane = plane[0] + x / width * (plane[1] -
+    plane[0])`` and likewise with plane[2:4] for y.
+
+    Attributes
+    ----------
+    kind : perspective, orthographic, or Blender's name of a panorama in small letters.
     world_from_camera : (4, 4) float64 without scale.
     plane : (left, right, bottom, top) of the full frame: tangents for perspective, [bu] for
-        orthographic. Sensor fit, shift and pixel aspect are already in it.
-    clip : (near, far) [bu] along the view axis.
+        orthographic, 0 to 1 in panoramas. Sensor fit, shift and pixel aspect are already in it.
+    clip : (near, far) [bu] along the view axis, in panoramas along the ray.
+    lens : of panoramas: least and greatest longitude and latitude [rad], of a cylinder least and
+        greatest longitude [rad] and height over radius; of fisheyes what its curve needs (nothing,
+        focal length, or coefficients), field of view [rad] and the sensor's width and height, or
+        2, 2.
+    aperture : None where all is sharp.
     """
 
     name: str
-    kind: Literal["perspective", "orthographic"]
+    kind: str
     world_from_camera: NDArray[np.float64]
     plane: tuple[float, float, float, float]
     clip: tuple[float, float]
     unsupported: tuple[Unsupported, ...] = ()
+    lens: tuple[float, ...] = ()
+    aperture: Aperture | None = None
 
 
 @dataclass(frozen=True)
@@ -154,16 +182,16 @@ class World:
     maps : what is not uniform of it.
     cast_shadow : whether anything can hide it.
     visible_camera, visible_diffuse : what it is seen by.
-    known : False when it is not uniform or not readable: what it may reach is excluded.
+    known : False when it is not readable: what it may reach is excluded.
     """
 
     radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    maps: tuple[SkyMap, ...] = ()
+    cast_shadow: bool = True
     visible_camera: bool = True
     visible_diffuse: bool = True
     known: bool = True
     unsupported: tuple[Unsupported, ...] = ()
-    maps: tuple[SkyMap, ...] = ()
-    cast_shadow: bool = True
 
 
 @dataclass(frozen=True)

@@ -163,12 +163,12 @@ def _turn(vector: Any, groups: nodes.Groups) -> Matrix | None:
     if node.bl_idname != "ShaderNodeMapping":
         return None
     before = _turn(node.inputs["Vector"], groups)
-    constant = [nodes.source(node.inputs[name], groups) for name in ("Rotation", "Scale")]
-    if before is None or any(found.output for found in constant):
+    others = [socket for socket in node.inputs if socket.enabled and socket.name != "Vector"]
+    ends = {socket.name: nodes.source(socket, groups) for socket in others}
+    if before is None or any(end.output for end in ends.values()):
         return None
-    rotation, scale = (found.socket.default_value for found in constant)
-    place = node.inputs["Location"]
-    if tuple(scale) != (1, 1, 1) or (place.enabled and (place.is_linked or any(place.default_value))):
+    values = {name: tuple(end.socket.default_value) for name, end in ends.items()}
+    if values["Scale"] != (1, 1, 1) or any(values.get("Location", ())):
         return None
-    turn = Euler(rotation).to_matrix()
+    turn = Euler(values["Rotation"]).to_matrix()
     return (turn.transposed() if node.vector_type == 'TEXTURE' else turn) @ before

@@ -329,13 +329,13 @@ def test_unit_scale_counts_with_a_unit_system(system: str, expected: float) -> N
 
 def test_camera_features_are_recorded() -> None:
     placed = camera()
-    placed.data.dof.use_dof = True
-    bpy.context.scene.render.use_motion_blur = True
+    render = bpy.context.scene.render
+    render.use_motion_blur = render.use_multiview = True
     scene = read()
     assert ("camera", "Camera", "Depth of field") in features(scene)
     assert [f.code for f in scene.findings] == ["motion-blur"]
-    placed.data.type = 'PANO'
-    assert ("camera", "Camera", "Panoramic camera") in features(read())
+    placed.data.type = 'CUSTOM'
+    assert ("camera", "Camera", "Custom camera") in features(read())
 
 
 def test_nothing_is_changed_and_nothing_stays() -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,6 @@ import pytest
 
 pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
-
-from blender_rad.bpy_io.read import read_scene  # noqa: E402
 
 from .agreement import both_sides, look_at  # noqa: E402
 from .reading import CUBE, SQUARE, add, empty_scene, polygons  # noqa: E402
@@ -51,7 +48,6 @@ def picture(size: tuple[int, int], texel: tuple[int, int]) -> Any:
     """A float image of soft colours with one texel, from the lower left, of great contrast."""
     width, height = size
     image = bpy.data.images.new("Sky", width, height, float_buffer=True)
-    image.colorspace_settings.name = image.colorspace_settings.name  # scene linear: float
     x, y = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
     pixels = np.stack([0.2 + 0.1 * np.sin(6 * x), 0.1 + 0.2 * y, 0.3 * (1 - y), y * 0 + 1], axis=-1)
     pixels[texel[1], texel[0], :3] = 0.2 * CONTRAST, 0.15 * CONTRAST, 0.1 * CONTRAST
@@ -104,6 +100,13 @@ def mixed() -> None:
     tree.links.new(second.outputs[0], mix.inputs[2])
 
 
+def panorama() -> None:
+    """A sky and nothing around it, seen through a fisheye."""
+    sky('PREETHAM', sun_direction=(0.3, -0.5, 0.6))()
+    camera = bpy.context.scene.camera.data
+    camera.type, camera.panorama_type, camera.fisheye_fov = 'PANO', 'FISHEYE_EQUIDISTANT', 2.0
+
+
 CASES: dict[str, Callable[[], None]] = {
     "image": image_sky(),
     "image-turned": image_sky((0.4, -0.3, 2.0), strength=3.0),
@@ -111,11 +114,10 @@ CASES: dict[str, Callable[[], None]] = {
     "mixed": mixed,
     **{
         f"sky-{model.lower()}": sky(model)
-        for model in (
-            ('SINGLE_SCATTERING', 'MULTIPLE_SCATTERING') if NEW_SKY else ('NISHITA',)
-        )
+        for model in (('SINGLE_SCATTERING', 'MULTIPLE_SCATTERING') if NEW_SKY else ('NISHITA',))
     },
     "sky-hosek": sky('HOSEK_WILKIE', sun_direction=(0.3, -0.5, 0.6)),
+    "panorama": panorama,
     "sky-preetham": sky('PREETHAM', sun_direction=(0.3, -0.5, 0.6)),
 }
 
