@@ -134,6 +134,7 @@ class _Run:
         )
         self.unsupported = [m.unsupported for m in scene.materials]
         self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
+        self.world = world_lights(scene)
         self.inside = _inside(scene)
         self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
         self.shaded = shaded_layers(scene)
@@ -143,7 +144,6 @@ class _Run:
         self.sums = Pixels(layers, len(self.place), STREAMS)
         self.sightings = Sightings(len(light.emitters), len(self.place), STREAMS)
         self.progress = progress or (lambda share: None)
-        self.world = world_lights(scene)
         self.arrived: Arrived = lambda _: None
         self.cancel = cancel or threading.Event()
         limit = settings.time_limit
@@ -365,9 +365,9 @@ class _Run:
     def _background(self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats) -> Floats:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""
         world, transparent = self.scene.world, self.scene.film_transparent
+        free = ~met & (rays.reach > -np.inf)
         if batch.weight is None:
             alpha = (~free).astype(float) if transparent else np.ones(batch.count)
-        free = ~met & (rays.reach > -np.inf)
             self.sums.alpha[batch.span] += batch.total(alpha)
         elif transparent:
             clear = np.where(met, 0.0, batch.weight.mean(axis=1))

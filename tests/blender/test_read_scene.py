@@ -332,7 +332,7 @@ def test_camera_features_are_recorded() -> None:
     render = bpy.context.scene.render
     render.use_motion_blur = render.use_multiview = True
     scene = read()
-    assert ("camera", "Camera", "Depth of field") in features(scene)
+    assert ("camera", "Camera", "Stereoscopy") in features(scene)
     assert [f.code for f in scene.findings] == ["motion-blur"]
     placed.data.type = 'CUSTOM'
     assert ("camera", "Camera", "Custom camera") in features(read())
