@@ -80,7 +80,8 @@ def draw_quantity() -> None:
 
 def _kept(viewport: Viewport, key: object, pixels: Callable[[], Any]) -> Any:
     """Return the texture of the newest picture, made anew only where there is a newer one."""
-    if viewport.texture[:2] != (viewport.film, key):
+    film, drawn, _ = viewport.texture
+    if film is not viewport.film or drawn != key:
         viewport.texture = (viewport.film, key, texture(pixels()))
     return viewport.texture[2]
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -74,7 +75,7 @@ class Hits(NamedTuple):
 @functools.cache
 def _embree() -> ctypes.CDLL:
     """Return Embree's C interface: the few functions that embreex leaves out."""
-    lib = ctypes.CDLL(str(_library_path()))
+    lib = _library()
     pointer, uint, size = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
     signatures: dict[str, tuple[Any, list[Any]]] = {
         "rtcGetSceneDevice": (pointer, [pointer]),
@@ -97,8 +98,20 @@ def _embree() -> ctypes.CDLL:
     return lib
 
 
+def _library() -> ctypes.CDLL:
+    """Return the Embree that embreex's own calls end up in.
+
+    On Linux that is the program's, where it has one (Blender): its symbols come first. Objects of
+    one library in the hands of another hang.
+    """
+    program = ctypes.CDLL(None) if sys.platform == "linux" else None
+    if program is not None and hasattr(program, "rtcCommitScene"):
+        return program
+    return ctypes.CDLL(str(_library_path()))
+
+
 def _library_path() -> Path:
-    """Return the Embree library that embreex itself was linked with."""
+    """Return the Embree library that comes with embreex."""
     import embreex
 
     package = Path(embreex.__file__).parent
