@@ -204,7 +204,7 @@ def test_seeds_without_noise_are_certain_only_to_rounding():
     found = judge(film, same, lights=infos(layers))
     assert found.verdict == 'agree'
     assert all(light.standard_error >= 1e-5 for light in found.lights)
-    assert found.pixels.agree == H * W
+    assert (found.pixels.agree, found.pixels.undecided) == (H * W, 0)
     rounded = judge(film, same * (1.0 + 2e-6), lights=infos(layers), tolerance=1e-6)
     assert rounded.verdict == 'undecided'
     off = judge(film, same * 1.06, lights=infos(layers))
