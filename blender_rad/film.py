@@ -13,6 +13,7 @@ from .scene import Unsupported
 
 Image = NDArray[np.float64]
 
+REST = "(rest)"  # layer of the lights that matter too little for one of their own
 STUDENT_18 = 2.101 / 1.960  # 97.5 % quantile of Student's t, 18 degrees of freedom, over normal's
 
 
@@ -74,11 +75,22 @@ class Film:
 
     @property
     def relative_standard_error(self) -> float:
-        """Return sqrt(mean[σ² / (L² + 0.01·mean(L)²)]), the square root of the expected relMSE."""
+        """Return sqrt(mean[σ² / (L² + 0.01·mean(L)²)]), the square root of the expected relMSE.
+
+        L is taken for no brighter than the pixels around: what noise has lifted would belittle σ.
+        """
         mean = np.mean(self.radiance[self.inside], axis=0)
-        signal = self.radiance**2 + 0.01 * mean**2
+        lifted = lift(self.radiance.mean(axis=-1), self.inside)[..., None]
+        signal = (self.radiance / lifted) ** 2 + 0.01 * mean**2
         ratio = np.divide(self.variance, signal, out=np.zeros_like(self.variance), where=signal > 0)
         return float(np.sqrt(np.mean(ratio[self.inside])))
+
+
+def lift(values: Image, inside: NDArray[np.bool_]) -> Image:
+    """Return by how much `values` (h, w) exceed the mean of the pixels around, at least 1."""
+    near = neighbourhood_mean(values, inside, own=False)
+    above = (values > near) & (near > 0.0)
+    return np.divide(values, near, out=np.ones_like(values), where=above)
 
 
 def neighbourhood_mean(values: Image, inside: NDArray[np.bool_], *, own: bool = True) -> Image:

@@ -26,7 +26,7 @@ from .cameras import CameraRays, camera_rays, view_depth
 from .direct import DirectLight, Share, Sightings
 from .emitters import WORLD_NAME, world_lights
 from .errors import RadError
-from .film import Film, neighbourhood_mean
+from .film import Film, lift, neighbourhood_mean
 from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Scene, Unsupported
@@ -182,6 +182,8 @@ class _Run:
         """Return how many more steps each pixel should have (n,), and the share of work done."""
         signal, ratio = self.sums.radiance()
         floor = 0.01 * np.mean(signal, axis=0) ** 2
+        lifted = lift(self._framed(signal.mean(axis=1)), self.inside).reshape(-1)[self.place]
+        signal /= lifted[:, None]
         signal *= signal
         signal += np.maximum(floor, np.finfo(float).tiny)
         ratio /= signal
