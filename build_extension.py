@@ -3,7 +3,7 @@
 
 Usage: python build_extension.py [-o DIR] [--wheels DIR] [--python VERSION …] [--platform NAME …]
 
-Wheels come unmodified from pip's index and are kept in the folder `--wheels`; what is there is not
+Wheels come unmodified from pip's index and are kept in the folder `--wheels`, where they are not
 fetched again. Blender's own builder, out of the bpy package that is installed, makes the ZIPs.
 """
 
@@ -24,8 +24,8 @@ PLATFORMS = {  # Blender's names, and the tags of wheels that run there
     "macos-arm64": ("macosx_13_0_arm64", "macosx_12_0_arm64", "macosx_11_0_arm64"),
 }
 PYTHONS = ("3.11", "3.13")  # Blender 4.5, Blender 5.2
-# What we need and what that needs, less NumPy, which is Blender's own. colour-science 0.4.7 asks
-# for NumPy 2, but what we use of it runs with the 1.26 of Blender 4.5, and 0.4.6 needs all of SciPy.
+# What we need and what that needs, less NumPy: that is Blender's own. colour-science 0.4.7 asks
+# for NumPy 2, but what we use of it runs with 1.26 (Blender 4.5), and 0.4.6 needs all of SciPy.
 WHEELS = (
     *("embreex", "OpenEXR", "colour-science==0.4.7", "tqdm", "jinja2", "markupsafe"),
     *("matplotlib", "contourpy", "cycler", "fonttools", "kiwisolver", "packaging", "pillow"),
@@ -37,7 +37,7 @@ CONTENT = ("__init__.py", "addon", "blender_rad", "LICENSE", "README.md")
 def fetch(folder: Path, platform: str, python: str) -> None:
     """Fetch the wheels for a platform and a Python into `folder`."""
     tags = [f"--platform={tag}" for tag in PLATFORMS[platform]]
-    only = ["--no-deps", "--only-binary=:all:", f"--find-links={folder}"]
+    only = ["--no-deps", "--only-binary=:all:"]
     run("-m", "pip", "download", "-q", *only, *tags, f"--python-version={python}", *WHEELS,
         "-d", str(folder))  # fmt: skip
 
@@ -86,8 +86,8 @@ def main() -> None:
     for platform in given.platform:
         for python in given.python:
             folder = given.wheels / f"{platform}-{python}"
-            folder.mkdir(parents=True, exist_ok=True)
-            fetch(folder, platform, python)
+            if not folder.is_dir():
+                fetch(folder, platform, python)
             wheels |= {wheel.name: wheel for wheel in folder.glob("*.whl")}
     given.output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name:

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The engine's own settings."""
+
+from __future__ import annotations
+
+import bpy
+
+from .engine import ENGINE
+
+
+class _Panel:
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = 'render'
+    properties: tuple[str, ...] = ()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.engine == ENGINE
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        for name in self.properties:
+            self.layout.prop(context.scene.radiometric, name)
+
+
+class RADIOMETRIC_RENDER_PT_sampling(_Panel, bpy.types.Panel):
+    """How well to render, and what lights and materials mean."""
+
+    bl_label = "Sampling"
+    properties = ("error", "samples", "pass_lights")
+
+
+class RADIOMETRIC_RENDER_PT_view(_Panel, bpy.types.Panel):
+    """What rendered viewports show."""
+
+    bl_label = "Viewport False Colour"
+    properties = ("view", "scale", "low", "high")
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (RADIOMETRIC_RENDER_PT_sampling, RADIOMETRIC_RENDER_PT_view)
+)
