@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -59,7 +60,7 @@ def ran(*arguments: object, **environment: str) -> Ran:
 
 
 def interrupted(reached: Callable[[], object], *arguments: object) -> None:
-    """Interrupt a run when `reached` returns: it says so, and leaves no scratch file."""
+    """Interrupt a run whose Blender is there when `reached` returns: it leaves no scratch file."""
     with tempfile.TemporaryDirectory() as scratch:
         process = subprocess.Popen(
             command(*arguments),
@@ -69,6 +70,9 @@ def interrupted(reached: Callable[[], object], *arguments: object) -> None:
             stderr=subprocess.PIPE,
             encoding="utf-8",
         )
+        end = time.monotonic() + 60
+        while not os.listdir(scratch) and time.monotonic() < end:  # Blender makes a folder there
+            time.sleep(0.05)
         reached()
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)

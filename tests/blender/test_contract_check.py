@@ -476,5 +476,5 @@ def test_interrupt_keeps_what_is_finished(files: dict[str, Path], tmp_path: Path
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_interrupt(files: dict[str, Path], tmp_path: Path) -> None:
     options = ("--samples", 999, "--resolution", "320x240", "--json", "--report", tmp_path)
-    interrupted(lambda: time.sleep(4), "check", files["noisy"], *options)
+    interrupted(lambda: time.sleep(3), "check", files["noisy"], *options)
     assert not tree(tmp_path)
