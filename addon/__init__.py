@@ -13,6 +13,7 @@ from . import (
     readout,
     settings,
     stating,
+    translations,
 )
 
 MODULES = (
@@ -27,6 +28,7 @@ MODULES = (
     readout,
     light_panel,
     metering,
+    translations,
 )
 
 

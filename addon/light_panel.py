@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from typing import Any
 
@@ -297,9 +298,28 @@ class RADIOMETRIC_OT_luminaire(bpy.types.Operator):
             self.report({'ERROR'}, str(error))
             return {'CANCELLED'}
         at_cursor(context, lamp)
+        _outline(context, lamp, found.opening)
         for finding in found.findings:
             self.report({'INFO' if finding.severity == "info" else 'WARNING'}, str(finding))
         return {'FINISHED'}
+
+
+def _outline(context: bpy.types.Context, lamp: Any, opening: Any) -> None:
+    """Show a luminaire's luminous opening as an outline, which does not render."""
+    metre = stating.unit_scale()
+    half = [0.5 * abs(side) / metre for side in (opening.along_c0, opening.along_c90)]
+    if not all(half):
+        return
+    rectangle = opening.shape in {"rectangular", "box"}
+    count = 4 if rectangle else 32
+    turns = [2.0 * math.pi * (k + 0.5 * rectangle) / count for k in range(count)]
+    reach = math.sqrt(2.0) if rectangle else 1.0
+    corners = [(reach * half[0] * math.cos(t), reach * half[1] * math.sin(t), 0.0) for t in turns]
+    mesh = bpy.data.meshes.new(f"{lamp.name} Opening")
+    mesh.from_pydata(corners, [(k, (k + 1) % count) for k in range(count)], [])
+    outline = bpy.data.objects.new(mesh.name, mesh)
+    outline.hide_render, outline.parent = True, lamp
+    context.collection.objects.link(outline)
 
 
 def _add_menu(self: Any, _: bpy.types.Context) -> None:

@@ -18,6 +18,8 @@ KINDS = (
 )
 ERROR = 0.005  # relative, of live readings
 LABELLED = 400  # cells of a grid that carry their number
+APART = 26  # points, at least, between numbers of cells that are drawn
+DOUBT = " (in doubt)"  # something that it sees, or is lit by, is not supported
 MET = 0.02  # of a target: near enough
 POLL_S = 0.1
 NEAR = (0.35, 0.9, 0.45, 1.0)
@@ -103,19 +105,22 @@ def read(scene: Any, places: list[Place], efficacy: float, error: float) -> dict
         if place.kind == 'NIT':
             look = meter.look(origin, origin + normal)
             value = float(meter.weights @ look.radiance)
-            found[place.name] = Reading(value, f"{figure(value)} cd/m²")
+            found[place.name] = Reading(
+                value, f"{figure(value)} cd/m²{DOUBT * bool(look.excluded)}"
+            )
         elif place.kind == 'LUX':
-            value = float(meter.read(origin[None], normal[None]).illuminance[0])
-            found[place.name] = Reading(value, f"{figure(value)} lx")
+            own = meter.read(origin[None], normal[None])
+            value = float(own.illuminance[0])
+            found[place.name] = Reading(value, f"{figure(value)} lx{DOUBT * bool(own.excluded)}")
         else:
             cells = grid(origin, *(axes[:, :2] * place.size).T, place.spacing)
-            lux = meter.read(cells.points, np.repeat(normal[None], len(cells.points), 0))
-            lux = lux.illuminance
+            own = meter.read(cells.points, np.repeat(normal[None], len(cells.points), 0))
+            lux = own.illuminance
             even = lux.min() / lux.mean() if lux.mean() else 0.0
             labels = cells.points / scene.unit_scale_m if len(lux) <= LABELLED else ()
             found[place.name] = Reading(
                 float(lux.mean()),
-                f"{figure(lux.mean())} lx, U0 {even:.2f}",
+                f"{figure(lux.mean())} lx, U0 {even:.2f}{DOUBT * bool(own.excluded)}",
                 tuple((tuple(p), f"{x:.0f}") for p, x in zip(labels, lux, strict=False)),
             )
     return found
@@ -207,6 +212,17 @@ def _draw() -> None:
     if not STATE.readings or not context.space_data.overlay.show_overlays:
         return
     scale = context.preferences.system.ui_scale
+
+    def seen(point: Any) -> Any:
+        return location_3d_to_region_2d(context.region, context.region_data, point)
+
+    def write(point: Any, text: str, size: float, colour: Any, offset: tuple[float, float]) -> None:
+        if (spot := seen(point)) is not None:
+            blf.size(0, size * scale)
+            blf.color(0, *colour)
+            blf.position(0, spot.x + offset[0] * scale, spot.y + offset[1] * scale, 0)
+            blf.draw(0, text)
+
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 5, 0.0, 0.0, 0.0, 0.9)
     for meter in meters(context.scene):
@@ -214,18 +230,11 @@ def _draw() -> None:
         if reading is None or not meter.visible_get():
             continue
         colour = {None: PLAIN, True: NEAR, False: OFF}[met(meter)]
-        labels = [(meter.matrix_world.translation, reading.text, 14), *(
-            (point, text, 10) for point, text in reading.cells
-        )]  # fmt: skip
-        for point, text, size in labels:
-            spot = location_3d_to_region_2d(context.region, context.region_data, point)
-            if spot is not None:
-                blf.size(0, size * scale)
-                blf.color(0, *(colour if size > 10 else PLAIN))
-                width, _ = blf.dimensions(0, text)
-                offset = 10 * scale if size > 10 else -0.5 * width
-                blf.position(0, spot.x + offset, spot.y + (8 * scale if size > 10 else 0), 0)
-                blf.draw(0, text)
+        write(meter.matrix_world.translation, reading.text, 14, colour, (10.0, 8.0))
+        first = [spot for point, _ in reading.cells[:2] if (spot := seen(point))]
+        if len(first) == 2 and (first[1] - first[0]).length > APART * scale:
+            for point, text in reading.cells:
+                write(point, text, 10, PLAIN, (-8.0, -4.0))
     blf.disable(0, blf.SHADOW)
 
 

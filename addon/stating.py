@@ -292,7 +292,7 @@ class RADIOMETRIC_PG_light(bpy.types.PropertyGroup):
         **_stated("compensate", True),
     )
     keep_flux: BoolProperty(
-        name="Keep Flux with Cone",
+        name="Keep Flux",
         description="A narrower cone gathers the light instead of cutting it off, as a zoom lens "
         "does. To hold it while a cone moves in an animation, key the value in lm as well",
         get=lambda group: "cone" in group,

@@ -111,7 +111,7 @@ def scale_emission(block: Any, factor: float, start: float = 0.0) -> float:
 
     What has none counts as `start`.
     """
-    if isinstance(block, bpy.types.World) and not nodes.uses_nodes(block):
+    if block.id_type == 'WORLD' and not nodes.uses_nodes(block):
         block.color = [(channel or start) * factor for channel in block.color]
         return float(max(block.color))
     tree = block.node_tree

@@ -298,3 +298,33 @@ def test_meters_read_and_lights_are_solved_in_one_step(addon: Any, make: Make) -
     assert bpy.ops.radiometric.solve() == {'FINISHED'}
     assert light.radiometry.value == pytest.approx(1000.0, rel=1e-4)
     assert metering.met(meter) is True
+
+
+LUMINAIRE = """IESNA:LM-63-2002
+[TEST] none
+TILT=NONE
+1 -1 1 3 1 1 2 0.6 1.2 0
+1 1 20
+0 45 90
+0
+100 70 0
+"""
+
+
+def test_a_photometric_file_becomes_its_candelas_with_its_opening(
+    addon: Any, tmp_path: Path
+) -> None:
+    file = tmp_path / "lamp.ies"
+    file.write_text(LUMINAIRE)
+    bpy.context.scene.cursor.location = (1.0, 2.0, 3.0)
+    assert bpy.ops.radiometric.luminaire(filepath=str(file)) == {'FINISHED'}
+    lamp = bpy.context.object
+    assert tuple(lamp.location) == (1.0, 2.0, 3.0)
+    group = lamp.data.radiometry
+    group.unit, group.efficacy = "cd", 177.83
+    lamp.data.energy = 1.0
+    assert group.value == pytest.approx(100.0, rel=1e-3)
+    (outline,) = lamp.children
+    assert sorted(outline.dimensions) == pytest.approx([0.0, 0.6, 1.2], abs=SINGLE)
+    with pytest.raises(RuntimeError, match="expected"):
+        bpy.ops.radiometric.luminaire(filepath=str(tmp_path / "none.ies"))

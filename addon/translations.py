@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Display texts in other languages: one dictionary, registered once under the root package."""
+
+import bpy
+
+from .. import __package__ as root_package
+
+TEXTS = {
+    'de_DE': {
+        ("*", "Radiometry"): "Radiometrie",
+        ("*", "What It Emits"): "Was es abgibt",
+        ("*", "Luminance"): "Leuchtdichte",
+        ("*", "Illuminance"): "Beleuchtungsstärke",
+        ("*", "Light Meters"): "Lichtmesser",
+        ("Operator", "Read Meters"): "Messen",
+        ("Operator", "Real Light Source"): "Echte Lichtquelle",
+    }
+}
+
+
+def register() -> None:
+    bpy.app.translations.register(str(root_package), TEXTS)
+
+
+def unregister() -> None:
+    bpy.app.translations.unregister(str(root_package))
