@@ -67,19 +67,17 @@ def world_lights(scene: Scene) -> list[WorldLight]:
     world = scene.world
     if not world.known:
         return []
-    shadow = world.cast_shadow
     portals = tuple(p for p in map(Portal.from_record, scene.light_records) if p)
     found: list[WorldLight] = []
     if any(world.radiance):
         rgb = np.array(world.radiance)
-        found = [WorldLight(name=WORLD_NAME, rgb=rgb, portals=portals, cast_shadow=shadow)]
+        found = [WorldLight(name=WORLD_NAME, rgb=rgb, portals=portals)]
     return found + [
         WorldLight(
             name=WORLD_NAME,
             rgb=np.full(3, sky.scale),
             sky=sky,
             portals=portals if sky.half == WHOLE else (),
-            cast_shadow=shadow,
         )
         for sky in world.maps
         if sky.scale

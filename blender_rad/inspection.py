@@ -19,6 +19,7 @@ from .lights.area import AreaLight
 from .lights.mesh import MeshLight
 from .lights.point import PointLight
 from .lights.spot import SpotLight
+from .lights.world import WorldLight
 from .quantities import EFFICACIES_LM_W, K_M
 from .scene import Scene
 from .spectra import colour_temperature, spectrum
@@ -140,10 +141,12 @@ def _row(
 ) -> dict[str, Any]:
     first, weights = sources[0], np.array(scene.luminance_weights)
     placed = [instance.name for instance in scene.instances]
-    count = placed.count(first.name) if first.kind == "MESH" else len(sources)
+    sky = first.kind == "WORLD"  # its parts are one thing
+    many = placed.count(first.name) if first.kind == "MESH" else len(sources)
+    count = 1 if sky else many
     pieces = np.array([_amounts(s.kind, s.light, scene.unit_scale_m) for s in sources])
     twins = np.array([_amounts(s.kind, s.other, scene.unit_scale_m) for s in sources])
-    amounts, others = (_joined(each, weights, count) for each in (pieces, twins))
+    amounts, others = (_joined(each, weights, count, sky) for each in (pieces, twins))
     values: dict[str, Any] = {}
     for (radiant, luminous), rgb, twin in zip(KEYS, amounts, others, strict=True):
         values |= {
@@ -181,11 +184,16 @@ def _row(
     return {**row, "notes": list(dict.fromkeys(notes))}
 
 
-def _joined(pieces: Array, weights: Array, count: int) -> Array:
-    """Return the mean flux of `count` pieces (k, 4, 3) and their greatest other amounts, (4, 3)."""
+def _joined(pieces: Array, weights: Array, count: int, sky: bool) -> Array:
+    """Return the mean flux of `count` pieces (k, 4, 3) and their greatest other amounts, (4, 3).
+
+    The irradiance of a sky's pieces is that of all.
+    """
     brightest = np.argmax(np.abs(pieces @ weights), axis=0)
     amounts = pieces[brightest, np.arange(4)]
     amounts[0] = pieces[:, 0].sum(axis=0) / count
+    if sky:
+        amounts[3] = pieces[:, 3].sum(axis=0)
     return amounts
 
 
@@ -235,6 +243,14 @@ def _notes(source: _Source, weights: Array, metre: float) -> Iterator[Note]:
         both = "shines from both faces, half of it from each"
         effect = 100.0 * (share - 1.0) if share < 1.0 - SAME else 0.0
         yield Note("mesh-faces", hollow if effect else both, effect)
+    elif isinstance(light, WorldLight) and light.sky is not None:
+        mean = figure(float(light.rgb.mean()))
+        yield Note(
+            "sky-by-direction",
+            f"by direction: the irradiance is that of a surface that looks up, the radiance that "
+            f"of the brightest spot; the mean is {mean} W/(m² sr)",
+            0.0,
+        )
     elif record is not None:
         yield from _of_power(light, record)
         yield from _of_colour(record, weights)

@@ -180,14 +180,12 @@ class World:
     ----------
     radiance : (3,) [W/(m² sr)] from everywhere.
     maps : what is not uniform of it.
-    cast_shadow : whether anything can hide it.
     visible_camera, visible_diffuse : what it is seen by.
     known : False when it is not readable: what it may reach is excluded.
     """
 
     radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
     maps: tuple[SkyMap, ...] = ()
-    cast_shadow: bool = True
     visible_camera: bool = True
     visible_diffuse: bool = True
     known: bool = True

@@ -72,10 +72,18 @@ def _has_disc(node: Any) -> bool:
 
 def _whole(look: Look, textures: list[tuple[Any, Matrix | None]]) -> SkyMap:
     """Return the map of all directions, as fine as the finest image."""
-    images = [(*n.image.size, n, turn) for n, turn in textures if getattr(n, "image", None)]
-    width, height, node, turn = max(images, default=(0, 0, None, None), key=lambda i: i[0])
-    turns = [other for *_, other in images]
-    if turn and turns.count(turn) == len(turns) and node.projection == 'EQUIRECTANGULAR':
+    images = [(n, turn) for n, turn in textures if getattr(n, "image", None)]
+    images.sort(key=lambda image: -int(image[0].image.size[0]))
+    node, turn = images[0] if images else (None, None)
+    width, height = node.image.size if node else (0, 0)
+    turns = [other for _, other in images]
+    if (
+        node
+        and turn
+        and width
+        and turns.count(turn) == len(turns)
+        and node.projection == 'EQUIRECTANGULAR'
+    ):
         kinds = {n.bl_idname.removeprefix("ShaderNode") for n, _ in textures}
         finer = 1 if kinds <= _AS_IT_IS else math.ceil(WIDTH / width) | 1  # odd: texels stay
         size = (finer * width, finer * height)

@@ -31,14 +31,13 @@ def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
     if bl_world is None:
         return World()
     radiance, feature = _uniform(bl_world)
-    features = _unsupported(bl_world) if feature else _volume(bl_world)
+    features = _unsupported(bl_world) if feature else _beyond(bl_world)
     if feature and not maps and not features:
         features = [feature]
     visible = bl_world.cycles_visibility
     return World(
         radiance=radiance,
         maps=maps,
-        cast_shadow=getattr(bl_world.cycles, "use_shadows", True),
         visible_camera=visible.camera,
         visible_diffuse=visible.diffuse,
         known=not features,
@@ -55,10 +54,14 @@ def _uniform(bl_world: Any) -> tuple[nodes.Triple, str | None]:
 
 
 def _unsupported(bl_world: Any) -> list[str]:
-    return [f for f in (unmeasurable(bl_world), *_volume(bl_world)) if f]
+    return [f for f in (unmeasurable(bl_world), *_beyond(bl_world)) if f]
 
 
-def _volume(bl_world: Any) -> list[str]:
+def _beyond(bl_world: Any) -> list[str]:
+    """Return what else it does; without shadows Cycles still hides what rays of surfaces find."""
     output = bl_world.node_tree and bl_world.node_tree.get_output_node("CYCLES")
     volume = output and nodes.source(output.inputs["Volume"]).output
-    return ["World volume"] if volume and nodes.uses_nodes(bl_world) else []
+    features = ["World volume"] * bool(volume and nodes.uses_nodes(bl_world))
+    return features + ["World without shadows"] * (
+        not getattr(bl_world.cycles, "use_shadows", True)
+    )

@@ -107,7 +107,8 @@ class MeasureOptions(MeterCommand, verb="measure"):
         from ..bpy_io.read import read_scene
 
         bl_scene, meter = self.lux_meter()
-        other = read_scene(bl_scene, model="physical" if self.model == "cycles" else "cycles")
+        model = "physical" if self.model == "cycles" else "cycles"
+        other = read_scene(bl_scene, model=model, maps=meter.scene.world.maps)
         alike = pickle.dumps(other.lights) == pickle.dumps(meter.scene.lights)
         twin = meter if alike else meter.in_model_of(other)
         document: dict[str, Any] = {

@@ -115,7 +115,7 @@ class SkyMap:
 
     def sample(self, u: Array) -> Array:
         """Return directions (n, 3) with the density of `look`, from `u` (n, 2) in [0, 1)."""
-        (a, b), (h, w, _) = self.half, self.radiance.shape
+        a, (h, w, _) = self.half[0], self.radiance.shape
         ends = self._integral[::w]
         place = u[:, 1] * ends[-1]
         j = np.clip(np.searchsorted(ends, place, side="right") - 1, 0, h)

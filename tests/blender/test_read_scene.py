@@ -305,6 +305,9 @@ def test_worlds() -> None:
     scene = read()
     assert not scene.world.known
     assert ("world", "World", "Light Path") in features(scene)
+    if bpy.app.version >= (5, 0):
+        made.cycles.use_shadows = False
+        assert ("world", "World", "World without shadows") in features(read())
 
 
 @pytest.mark.skipif(bpy.app.version >= (5, 0), reason="worlds and materials always have nodes")

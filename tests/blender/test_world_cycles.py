@@ -100,6 +100,12 @@ def mixed() -> None:
     tree.links.new(second.outputs[0], mix.inputs[2])
 
 
+def unseen() -> None:
+    """A sky that lights and that the camera does not see."""
+    sky('PREETHAM', sun_direction=(0.3, -0.5, 0.6))()
+    bpy.context.scene.world.cycles_visibility.camera = False
+
+
 def panorama() -> None:
     """A sky and nothing around it, seen through a fisheye."""
     sky('PREETHAM', sun_direction=(0.3, -0.5, 0.6))()
@@ -118,11 +124,18 @@ CASES: dict[str, Callable[[], None]] = {
     },
     "sky-hosek": sky('HOSEK_WILKIE', sun_direction=(0.3, -0.5, 0.6)),
     "panorama": panorama,
+    "no-camera-rays": unseen,
     "sky-preetham": sky('PREETHAM', sun_direction=(0.3, -0.5, 0.6)),
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+QUICK = ("image-turned", "sky-nishita", "sky-single_scattering")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES],
+)
 def test_world_is_that_of_cycles(name: str) -> None:
     CASES[name]()
     agrees(both_sides(SIZE))

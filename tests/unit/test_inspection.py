@@ -10,10 +10,10 @@ import pytest
 
 from blender_rad.errors import Finding
 from blender_rad.inspection import PHOTOPIC, figure, inspect_lights
-from blender_rad.lights import LightRecord
+from blender_rad.lights import LightRecord, SkyMap
 from blender_rad.quantities import K_M
-from blender_rad.scene import Instance, Material, Unsupported
-from tests.handmade import ball, moved, scene
+from blender_rad.scene import Instance, Material, Unsupported, World
+from tests.handmade import ball, moved, scene, square
 
 STRENGTH = 10.0
 
@@ -139,3 +139,17 @@ def test_figures() -> None:
     values = (None, 0.0, 68_300.2, 0.28404, 99.996, -3.5, 1e-5, 2.5e12)
     texts = ["", "0", "68 300", "0.284", "100", "-3.5", "1e-05", "2.5e+12"]
     assert [figure(value) for value in values] == texts
+
+
+def test_a_sky_and_its_sun_are_one_row() -> None:
+    """E of both on a surface that looks up, and the radiance of the sun."""
+    dim = np.full((16, 32, 3), 0.5, dtype=np.float32)
+    spot = np.pad(np.full((14, 14, 3), 900.0, dtype=np.float32), ((1, 1), (1, 1), (0, 0)))
+    up = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    maps = SkyMap(dim, np.eye(3)), SkyMap(spot, up, (0.02, 0.02))
+    row = inspect_lights(scene([square()], [], [], world=World(maps=maps)), 1.0)[0][0]
+    assert row["count"] == 1
+    assert row["radiance_W_m2_sr"] == pytest.approx(900.0)
+    expected = 0.5 * np.pi + 900.0 * (0.04 * 14 / 16) ** 2
+    assert row["irradiance_W_m2"] == pytest.approx(expected, rel=5e-3)
+    assert any("by direction" in note for note in row["notes"])
