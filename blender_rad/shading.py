@@ -72,11 +72,11 @@ def context_on(
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     cofactor = np.linalg.det(matrix[:3, :3]) * np.linalg.pinv(matrix[:3, :3])
     geometric = normalized(across @ cofactor) * np.sign(np.linalg.det(matrix[:3, :3]))
-    normal = geometric
+    normal: Array = geometric
     if mesh.normals is not None:
         smooth = np.einsum("nk,nkd->nd", weights, mesh.normals[triangle].astype(np.float64))
         normal = normalized(smooth @ np.linalg.pinv(matrix[:3, :3]))
-        normal = np.where(mesh.smooth[triangle][:, None], normal, geometric)
+        normal[~mesh.smooth[triangle]] = geometric[~mesh.smooth[triangle]]
     towards = normalized(incoming)
     side = np.where(dot(geometric, towards) < 0.0, -1.0, 1.0)[:, None]
 

@@ -21,6 +21,7 @@ from .lights import NOT_FINITE, light_record, linked
 from .materials import Shading, Surface, clay, full, surface_of
 from .meshes import box_mesh, read_mesh
 
+_BEFORE = "Generated coordinates, which are those before its modifiers"
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 NOTES = {
@@ -243,7 +244,8 @@ class Reader:
     def _material(self, surface: Surface, facts: _Facts, proxy: bool) -> int:
         """Return the index of the surface's material, as it is on this object."""
         material = clay(surface) if self.shading == "clay" else full(surface)
-        records = tuple(Unsupported("object", facts.name, f) for f in facts.features)
+        features = facts.features + (_BEFORE,) * (facts.modified and surface.generated)
+        records = tuple(Unsupported("object", facts.name, f) for f in features)
         self.unsupported.extend(records)
         key = (surface.name, surface, records, proxy, facts.linked and facts.name)
         if key not in self._material_index:
@@ -255,12 +257,14 @@ class Reader:
         self, material: Material, facts: _Facts, records: tuple[Unsupported, ...], proxy: bool
     ) -> Material:
         emits = material.emits or not material.emission_known
-        unknown = emits and (proxy or facts.linked)
+        before = any(record.feature == _BEFORE for record in records)
+        unknown = emits and (proxy or facts.linked or before)
         if unknown and facts.linked:
             records += (Unsupported("light", facts.name, "Light linking"),)
         return replace(
             material,
             emission=(0.0, 0.0, 0.0) if unknown else material.emission,
+            emission_texture=None if unknown else material.emission_texture,
             emission_known=material.emission_known and not unknown,
             opaque=material.opaque and not proxy and not facts.transparent,
             unsupported=material.unsupported + records,

@@ -60,6 +60,12 @@ class Surface:
     emission_texture: Expression | None = None
 
     @property
+    def generated(self) -> bool:
+        """Whether it looks at Generated coordinates."""
+        textures = filter(None, (self.albedo_texture, self.emission_texture))
+        return any(("ShaderNodeTexCoord", "Generated") in each.kinds for each in textures)
+
+    @property
     def may_emit(self) -> bool:
         """Whether its surface emits, as far as is known."""
         known = self.emission != BLACK or self.emission_texture is not None

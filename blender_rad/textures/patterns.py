@@ -22,7 +22,7 @@ def _gradient(call: Call) -> Array:
     vector = call["Vector"]
     x, y = vector[:, :1], vector[:, 1:2]
     r = np.maximum(0.999999 - np.sqrt(dot(vector, vector)), 0.0)
-    value = {
+    values: dict[str, Array] = {
         "LINEAR": x,
         "QUADRATIC": np.maximum(x, 0.0) ** 2,
         "EASING": clip(x) ** 2 * (3.0 - 2.0 * clip(x)),
@@ -30,6 +30,6 @@ def _gradient(call: Call) -> Array:
         "RADIAL": np.arctan2(y, x) / (2.0 * np.pi) + 0.5,
         "QUADRATIC_SPHERE": r * r,
         "SPHERICAL": r,
-    }[call.settings["gradient_type"]]
-    value = clip(value)
+    }
+    value = clip(values[call.settings["gradient_type"]])
     return value if call.output == "Fac" else np.tile(value, (1, 3))
