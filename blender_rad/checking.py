@@ -245,7 +245,8 @@ class Check:
             return {}
         lights = tuple(switched.get(light.name, light) for light in self.scene.lights)
         film = self._render_ours(replace(self.scene, lights=lights))
-        return {name: {"soft-falloff": film.lights[name]} for name in switched}
+        both = switched.keys() & self.film.lights.keys() & film.lights.keys()
+        return {name: {"soft-falloff": film.lights[name]} for name in both}
 
     def _ask_witness(self, witness: Witness, seeds: Sequence[int], samples: int) -> Pictures:
         def work() -> Pictures:

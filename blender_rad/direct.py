@@ -18,12 +18,13 @@ not fall with their number.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .crowds import Crowd
 from .emitters import Emitter, emitters
 from .lights import LightSample
 from .rays import Caster
@@ -151,8 +152,11 @@ class DirectLight:
     Attributes
     ----------
     geometry, visibility : of the scene.
-    emitters : all lights; `names` are those of their layers.
+    emitters : lights that are sampled everywhere; `names` are those of their layers.
+    crowds : the other lights.
     """
+
+    crowds: Sequence[Crowd] = ()
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -173,6 +177,8 @@ class DirectLight:
         uniform : gives points (n, 2) in [0, 1) for the emitter of a number.
         passed : transparent surfaces in front of them.
         """
+        for crowd in self.crowds:
+            yield self._from_crowd(crowd, surface, uniform, passed)
         for number, emitter in enumerate(self.emitters):
             sample = emitter.light.sample(surface.point, surface.normal, uniform(number))
             cosine = dot(surface.normal, sample.wi)
@@ -182,7 +188,7 @@ class DirectLight:
             lit = np.flatnonzero(value)
             if not len(lit):
                 continue
-            seen, through, exclusions = self._seen(
+            seen, through, exclusions = self.seen(
                 emitter, surface, sample, cosine, lit, passed=passed
             )
             if emitter.cause is not None:
@@ -203,6 +209,28 @@ class DirectLight:
                 tint = coloured if tint is None else coloured * tint
             yield Arrival(emitter, irradiance, exclusions, tint)
 
+    def _from_crowd(
+        self, crowd: Crowd, surface: Surface, uniform: Callable[[int], Floats], passed: int
+    ) -> Arrival:
+        """Return the light of a crowd."""
+        total, exclusions = np.zeros((len(surface.point), 3)), list[Exclusion]()
+        for sample, rgb in crowd.sample(surface.point, surface.normal, uniform):
+            cosine = dot(surface.normal, sample.wi)
+            value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
+            if self.geometry.shading_is_shifted:
+                value *= self._terminator_shading(surface, cosine)
+            lit = np.flatnonzero(value)
+            if not len(lit):
+                continue
+            seen, through, found = self.seen(
+                crowd.emitter, surface, sample, cosine, lit, passed=passed
+            )
+            exclusions += found
+            passing = seen[:, None] if through is None else through
+            total[lit] += value[lit, None] * rgb[lit] * passing
+        brightest = np.abs(total).max(axis=1)
+        return Arrival(crowd.emitter, brightest, exclusions, _over(total, brightest))
+
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
         """Return the unoccluded irradiance (n,), nan where no closed form holds."""
         if emitter.light.is_delta:
@@ -221,7 +249,7 @@ class DirectLight:
         ratio = np.divide(shifted, cosine, out=np.ones_like(cosine), where=cosine > 0.0)
         return np.where(frequency > 1.0, ratio, 1.0)
 
-    def _seen(
+    def seen(
         self,
         emitter: Emitter,
         surface: Surface,

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import CameraRays, camera_rays, view_depth
+from .crowds import gathered
 from .direct import DirectLight, Share, Sightings
 from .emitters import WORLD_NAME, world_lights
 from .errors import RadError
@@ -30,8 +31,8 @@ from .film import Film, lift, neighbourhood_mean
 from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Scene, Unsupported
-from .surfaces import Surface, dot, normalized, pick
 from .shading import Shading
+from .surfaces import Surface, dot, normalized, pick
 from .transparency import shaded_layers
 
 Floats = NDArray[np.float64]
@@ -106,6 +107,7 @@ def render(
         asked = f"{settings.samples} samples a pixel"
         raise RadError(asked, scene.file, f"expected at most {MAX_SAMPLES}")
     light = light or DirectLight(scene)
+    light = gathered(light, scene, scene.camera, per_light=settings.per_light)
     run = _Run(scene, scene.camera, settings, light, progress=progress, cancel=cancel)
     run.arrived = arrived or run.arrived
     return run.film()
@@ -213,7 +215,7 @@ class _Run:
         """Take the next `count` samples of the pixels `rows`, once or several `times` (n,) over."""
         if self.late:
             return
-        size = max(BATCH // count, 1)
+        size = max([1, *(c.batches for c in self.light.crowds)]) * max(BATCH // count, 1)
         times = np.ones(len(rows), dtype=np.int64) if times is None else times
         batches = [slice(k, k + size) for k in range(0, len(rows), size)]
         jobs = [pool.submit(self._batch, rows[part], count, times[part]) for part in batches]

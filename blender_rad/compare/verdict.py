@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from ..errors import Finding, RadError
-from ..film import Film
+from ..film import REST, Film
 from .claims import FRAME, TILE_TOLERANCES, TILES, claims_of, foretell
 from .diagnosis import Case, Diagnosis, diagnose
 from .metrics import compute_all
@@ -198,6 +198,11 @@ def _light_results(job: _Job, explained: Diagnosis) -> tuple[LightResult, ...]:
                 verdict=explained.verdicts[g],
                 diagnosis=explained.causes[g],
             )
+    if REST in names:
+        said = replace(results[REST], group=REST, energy_fraction=0.0)
+        for name in results.keys() - set(names):
+            info = job.infos[name]
+            results[name] = replace(said, name=name, type=info.type, count=info.count)
     return tuple(results.values())
 
 
