@@ -17,3 +17,5 @@ def unregister() -> None:
     addon.unregister()
     for name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
         del sys.modules[name]
+    for name in ("addon", "blender_rad"):  # `from . import` would find the old ones here
+        globals().pop(name, None)

@@ -99,8 +99,8 @@ class Check:
         if self._process.returncode in {0, 1, 3}:
             self.document = json.loads((self.folder / "report.json").read_text(encoding="utf-8"))
         else:
-            complaints = [line for line in said if line.startswith("blender-rad: ")]
-            self.error = (complaints or said or ["the check ended without a word"])[-1]
+            words = [line for line in said if line.strip() and not line.startswith("progress ")]
+            self.error = words[-1] if words else "the check ended without a word"
         self._scratch.cleanup()
 
     def wait(self) -> None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .viewport import Viewport
 
 VIEWPORTS: WeakValueDictionary[int, Viewport] = WeakValueDictionary()  # by region
-LEGEND = (20, 16, 240)  # of the false colours: margin, width and height [points]
+LEGEND = (20, 16, 240, 90)  # margin, width, height, and what the labels take [points]
 TICKS = 5
 
 
@@ -128,8 +128,10 @@ def _draw_legend(scale: str, limits: tuple[float, float], unit: str) -> None:
     import numpy as np
     from gpu_extras.presets import draw_texture_2d
 
-    margin, wide, tall = (round(side * bpy.context.preferences.system.ui_scale) for side in LEGEND)
-    draw_texture_2d(texture(_colours()[::-1, None]), (margin, margin), wide, tall)
+    scaled = (round(side * bpy.context.preferences.system.ui_scale) for side in LEGEND)
+    margin, wide, tall, labels = scaled
+    left = bpy.context.region.width - margin - wide - labels
+    draw_texture_2d(texture(_colours()[::-1, None]), (left, margin), wide, tall)
     spaced = np.geomspace if scale == 'log' else np.linspace
     blf.size(0, wide * 0.75)
     blf.color(0, 1.0, 1.0, 1.0, 1.0)
@@ -137,8 +139,9 @@ def _draw_legend(scale: str, limits: tuple[float, float], unit: str) -> None:
     blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)
     for number, value in enumerate(spaced(*limits, TICKS)):
         last = f" {unit}" if number == TICKS - 1 else ""
-        blf.position(0, margin + 1.4 * wide, margin + number / (TICKS - 1) * tall - 0.25 * wide, 0)
-        blf.draw(0, f"{value:.3g}{last}")
+        height = margin + number / (TICKS - 1) * tall - 0.25 * wide
+        blf.position(0, left + 1.4 * wide, height, 0)
+        blf.draw(0, f"{float(f'{value:.3g}'):g}{last}")
     blf.disable(0, blf.SHADOW)
 
 

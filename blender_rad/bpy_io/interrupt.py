@@ -11,8 +11,12 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupt_later() -> Generator[None]:
-    """Keep Ctrl-C until the work is done; `KeyboardInterrupt` then, where it was pressed."""
-    if threading.current_thread() is not threading.main_thread():
+    """Keep Ctrl-C until the work is done; `KeyboardInterrupt` then, where it was pressed.
+
+    Not on other threads than the main one, nor where Ctrl-C is not Python's: in a real Blender.
+    """
+    ours = signal.getsignal(signal.SIGINT) is not None
+    if not ours or threading.current_thread() is not threading.main_thread():
         yield
         return
     pressed: list[int] = []

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.addon.building import ROOT, build
+
 NAME = "radiometric_tree"
 
 
@@ -38,3 +39,9 @@ def addon(package: ModuleType) -> Iterator[Any]:
     module.register()
     yield module
     module.unregister()
+
+
+@pytest.fixture(scope="session")
+def zip_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the ZIP that users install."""
+    return build(tmp_path_factory.mktemp("build"))

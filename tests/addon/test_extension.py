@@ -5,52 +5,19 @@ from __future__ import annotations
 
 import importlib
 import json
-import os
-import subprocess
-import sys
-from importlib.util import find_spec
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
 
 from blender_rad.registry import Registry
+from tests.addon.building import ROOT, builder, run
 
 pytestmark = pytest.mark.blender
 
-ROOT = Path(__file__).parents[2]
 ENABLE_LIMIT_S = 0.2  # promised: an artist does not wait for an add-on
 # Not NumPy: Blender loads that itself.
 HEAVY = {"OpenEXR", "colour", "embreex", "jinja2", "matplotlib", "scipy", "tqdm"}
-
-
-def builder() -> Path:
-    """Return the path of Blender's own extension builder."""
-    spec = find_spec("bpy")
-    assert spec is not None and spec.origin is not None
-    (path,) = Path(spec.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
-    return path
-
-
-def run(*command: str | Path, **environment: str) -> str:
-    """Return what a Python program prints, for which nothing but success will do."""
-    result = subprocess.run(
-        [sys.executable, *command],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
-    return result.stdout
-
-
-@pytest.fixture(scope="module")
-def zip_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("build") / "radiometric.zip"
-    run(builder(), "build", "--source-dir", ROOT, "--output-filepath", path)
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +38,8 @@ def test_the_zip_holds_the_extension_and_nothing_else(zip_path: Path) -> None:
     names = [name for name in ZipFile(zip_path).namelist() if not name.endswith("/")]
     own = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
     assert own <= set(names)
-    assert {name.partition("/")[0] for name in names} == own | {"addon", "blender_rad"}
+    held = {name.partition("/")[0] for name in names} - {"wheels"}
+    assert held == own | {"addon", "blender_rad"}
     assert not [name for name in names if "__pycache__" in name or "/." in name]
 
 

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run in a Blender of its own: render in the engine, check against Cycles, write what came of it.
+
+Usage: _render_and_check.py ZIP SCENE.blend FOLDER, with BLENDER_USER_RESOURCES an empty folder.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import bpy
+
+MODULE = "bl_ext.user_default.radiometric"
+
+
+def engines() -> dict[str, list[str]]:
+    panels = bpy.types.Panel.__subclasses__()
+    return {p.__name__: sorted(getattr(p, "COMPAT_ENGINES", ())) for p in panels}
+
+
+def render(name: str, folder: Path, **settings: object) -> None:
+    """Render into FOLDER/name.exr with these settings of the render."""
+    for key, value in settings.items():
+        setattr(bpy.context.scene.render, key, value)
+    bpy.context.scene.render.filepath = str(folder / f"{name}.exr")
+    bpy.ops.render.render(write_still=True)
+
+
+def main(zip_path: str, scene: str, out: str) -> None:
+    import addon_utils  # to be found only once bpy is there
+
+    folder = Path(out)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.extensions.package_install_files(
+        filepath=zip_path, repo="user_default", enable_on_install=False
+    )
+    panels = engines()
+    addon_utils.enable(MODULE, default_set=True)
+    opened = {name for name, kinds in engines().items() if 'RADIOMETRIC' in kinds}
+    bpy.ops.wm.open_mainfile(filepath=scene)
+    bl_scene = bpy.context.scene
+    bl_scene.render.engine, own = 'RADIOMETRIC', bl_scene.radiometric
+    own.samples, own.pass_lights, own.shading = 4, True, 'clay'
+    form = bl_scene.render.image_settings
+    if hasattr(form, "media_type"):
+        form.media_type = 'MULTI_LAYER_IMAGE'
+    form.file_format, form.color_depth = 'OPEN_EXR_MULTILAYER', '32'
+    render("whole", folder)
+    border = {"border_min_x": 0.25, "border_max_x": 0.75, "border_min_y": 0.5, "border_max_y": 1.0}
+    render("border", folder, use_border=True, **border)
+    render("cropped", folder, use_crop_to_border=True)
+    bl_scene.render.use_border = False
+    false_colour = bpy.ops.radiometric.false_colour(quantity='illuminance')
+    own.tolerance = 0.2
+    checked = bpy.ops.radiometric.check()
+    shown = bpy.ops.radiometric.difference()
+    check = sys.modules[f"{MODULE}.addon.check_panel"]._last()
+    story = {
+        "opened": sorted(opened),
+        "results": [sorted(result) for result in (false_colour, checked, shown)],
+        "images": {i.name: i.size[:] for i in bpy.data.images if i.packed_file},
+        "verdict": check.document["verdict"],
+        "format": form.file_format,
+    }
+    addon_utils.disable(MODULE, default_set=True)
+    story["closed"] = {name: engines().get(name) for name in panels} == panels
+    (folder / "story.json").write_text(json.dumps(story))
+
+
+main(*sys.argv[1:])
