@@ -3,18 +3,16 @@
 
 
 def register() -> None:
-    from . import addon
+    from importlib import import_module  # `from . import` would give what `unregister` let go of
 
-    addon.register()
+    import_module(f"{__name__}.addon").register()
 
 
 def unregister() -> None:
     """Undo `register`, and let go of every module, so that enabling again loads what is on disk."""
     import sys
 
-    from . import addon
-
-    addon.unregister()
+    sys.modules[f"{__name__}.addon"].unregister()
     for name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
         del sys.modules[name]
     for name in ("addon", "blender_rad"):  # `from . import` would find the old ones here

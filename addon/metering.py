@@ -18,7 +18,7 @@ KINDS = (
 )
 ERROR = 0.005  # relative, of live readings
 LABELLED = 400  # cells of a grid that carry their number
-APART = 26  # points, at least, between numbers of cells that are drawn
+APART = 20  # points, at least, between numbers of cells that are drawn
 DOUBT = " (in doubt)"  # something that it sees, or is lit by, is not supported
 MET = 0.02  # of a target: near enough
 POLL_S = 0.1
