@@ -85,7 +85,7 @@ def render(engine: Any, depsgraph: Any) -> None:
             engine.end_result(picture.result)
     except rendering.CancelledError:
         return
-    except RadError as error:
+    except (RadError, ModuleNotFoundError) as error:  # the preferences say what is missing
         engine.error_set(str(error))
 
 

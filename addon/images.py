@@ -110,7 +110,7 @@ class RADIOMETRIC_OT_false_colour(bpy.types.Operator):
                 low, high = own.low or None, own.high or None
                 limits = falsecolor.value_range(light.values, own.scale, low, high)
                 falsecolor.write_map(light, drawn, own.scale, limits)
-            except RadError as error:
+            except (RadError, ModuleNotFoundError) as error:
                 self.report({'ERROR'}, str(error))
                 return {'CANCELLED'}
             for finding in light.findings:
@@ -125,7 +125,7 @@ class RADIOMETRIC_IMAGE_PT_false_colour(bpy.types.Panel):
     bl_label = "False Colour"
     bl_space_type = 'IMAGE_EDITOR'
     bl_region_type = 'UI'
-    bl_category = "Radiometric"
+    bl_category = "Radiometry"
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True

@@ -1,22 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extension's entry in Blender's preferences."""
 
+from importlib.util import find_spec
+
 import bpy
 
 from .. import __package__ as root_package
 from ..blender_rad import __version__
 
+NEEDED_FOR = {
+    "embreex": "rendering, meters and checks",
+    "OpenEXR": "checks, and false colours of renders",
+    "colour": "spectra and colour temperatures",
+    "matplotlib": "false colours, and the pictures in reports",
+    "jinja2": "reports",
+    "tqdm": "checks",
+}
+
 
 class RADIOMETRIC_AP_preferences(bpy.types.AddonPreferences):
-    """Tells which version runs, and how to check a file."""
+    """Tells which version runs, and what it lacks."""
 
     bl_idname = str(root_package)
 
     def draw(self, context: bpy.types.Context) -> None:
         column = self.layout.column()
         column.label(text=f"Radiometric {__version__}")
-        column.label(text="Save the file, then check its light in a terminal:")
-        column.label(text=f"blender-rad check \"{bpy.data.filepath or 'FILE.blend'}\"")
+        for package, what in NEEDED_FOR.items():
+            if find_spec(package) is None:
+                column.label(text=f"{package} is missing: no {what}", icon='ERROR')
 
 
 register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - it returns a pair
