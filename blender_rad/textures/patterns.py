@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ._base import TEXTURES, Array, Call, clip, dot
@@ -22,7 +24,7 @@ def _gradient(call: Call) -> Array:
     vector = call["Vector"]
     x, y = vector[:, :1], vector[:, 1:2]
     r = np.maximum(0.999999 - np.sqrt(dot(vector, vector)), 0.0)
-    values: dict[str, Array] = {
+    values: dict[str, Any] = {
         "LINEAR": x,
         "QUADRATIC": np.maximum(x, 0.0) ** 2,
         "EASING": clip(x) ** 2 * (3.0 - 2.0 * clip(x)),
