@@ -45,7 +45,7 @@ def panes(count: int = 3) -> None:
         add(f"Roof {k}", mesh, location=(-0.6, 0.1, 1.3 + 0.15 * k), **turned)
 
 
-@pytest.mark.parametrize("film_transparent", [False, True])
+@pytest.mark.parametrize("film_transparent", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_panes(film_transparent: bool) -> None:
     panes()
     lamp('AREA', (-1, -1.2, 2.9))
@@ -58,7 +58,7 @@ def test_panes(film_transparent: bool) -> None:
     assert film_transparent == bool((sides.film.alpha < 0.9).any())
 
 
-@pytest.mark.parametrize("bounces", [0, 2])
+@pytest.mark.parametrize("bounces", [pytest.param(0, marks=pytest.mark.slow), 2])
 def test_bounces_are_counted_as_cycles_counts_them(bounces: int) -> None:
     """Before Blender 5, and with none, what passes one surface too many is chance: left out."""
     panes()
