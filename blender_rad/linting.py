@@ -25,7 +25,8 @@ from .rendering import Settings, render
 from .scene import CLAY_ALBEDO, Scene, World
 
 NOTICEABLE, SAME = 1.0, 0.01  # [%]; the first is what `check` tolerates by default
-SIDE, SAMPLES = 64, 32  # of the small pictures: pixels of the longer side, samples a pixel
+# Of the small pictures: pixels of the longer side, samples a pixel, and time [s].
+SIDE, SAMPLES, SECONDS = 64, 32, 5.0
 GRAVITY = ("error", "warning", "info")
 DEFAULT_WORLD = 0.05087609  # Blender's
 # Of the notes on lights: errors whatever the picture, and what only may be meant otherwise.
@@ -93,7 +94,7 @@ class Lint:
             return None
         width, height = (max(1, side * SIDE // max(scene.resolution)) for side in scene.resolution)
         small = replace(scene, resolution=(width, height), border=None)
-        return render(small, Settings(samples=SAMPLES, threads=self.threads))
+        return render(small, Settings(SAMPLES, threads=self.threads, time_limit=SECONDS))
 
     @cached_property
     def film(self) -> Film | None:
