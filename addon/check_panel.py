@@ -25,7 +25,8 @@ def _poll() -> float | None:
     if check is None or not check.running:
         return None
     check.poll()
-    for window in bpy.context.window_manager.windows:
+    context: Any = bpy.context
+    for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == 'PROPERTIES':
                 area.tag_redraw()
@@ -39,11 +40,11 @@ class RADIOMETRIC_OT_check(bpy.types.Operator):
     bl_label = "Check Against Cycles"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def poll(cls, context: Any) -> bool:
         check = _last()
         return context.scene.camera is not None and not (check and check.running)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: Any) -> Any:
         _checks[:] = [check := Check(context.scene)]
         if not bpy.app.background:
             bpy.app.timers.register(_poll, first_interval=POLL_S, persistent=True)
@@ -63,7 +64,7 @@ class RADIOMETRIC_OT_check_cancel(bpy.types.Operator):
     bl_label = "Cancel"
     bl_options = {'INTERNAL'}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: Any) -> Any:
         if check := _last():
             check.cancel()
         return {'FINISHED'}
@@ -78,7 +79,7 @@ class RADIOMETRIC_OT_select(bpy.types.Operator):
 
     name: StringProperty(options={'SKIP_SAVE'})
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: Any) -> Any:
         found = context.view_layer.objects.get(self.name)
         if found is None:
             self.report({'WARNING'}, f"{self.name} is no object of this view layer")
@@ -97,7 +98,7 @@ class RADIOMETRIC_OT_report(bpy.types.Operator):
     bl_label = "Report"
     bl_options = {'INTERNAL'}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: Any) -> Any:
         if check := _last():
             bpy.ops.wm.url_open(url=(check.folder / "report.html").as_uri())
         return {'FINISHED'}
@@ -110,7 +111,7 @@ class RADIOMETRIC_OT_difference(bpy.types.Operator):
     bl_label = "Difference"
     bl_options = {'INTERNAL'}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: Any) -> Any:
         if check := _last():
             show_difference(check.folder / "difference.exr", context.scene.radiometric.tolerance)
         return {'FINISHED'}
@@ -124,8 +125,9 @@ class RADIOMETRIC_RENDER_PT_check(bpy.types.Panel):
     bl_region_type = 'WINDOW'
     bl_context = 'render'
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, check = self.layout, _last()
+    def draw(self, context: Any) -> None:
+        layout: Any = self.layout
+        check = _last()
         layout.use_property_split = True
         own = context.scene.radiometric
         for name in ("tolerance", "model", "shading", "efficacy"):
@@ -168,7 +170,7 @@ def _draw_answer(box: Any, document: dict[str, Any]) -> None:
             box.label(text=f"{finding['object']} {finding['message']}".strip(), icon='INFO')
 
 
-_register, _unregister = bpy.utils.register_classes_factory(
+_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
     (
         RADIOMETRIC_OT_check,
         RADIOMETRIC_OT_check_cancel,

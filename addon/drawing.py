@@ -24,9 +24,10 @@ def texture(pixels: Any) -> Any:
     import gpu
     import numpy as np
 
+    types: Any = gpu.types
     height, width = pixels.shape[:2]
-    data = gpu.types.Buffer('FLOAT', pixels.size, pixels[::-1].astype(np.float32).ravel())
-    return gpu.types.GPUTexture((width, height), format='RGBA16F', data=data)
+    data = types.Buffer('FLOAT', pixels.size, pixels[::-1].astype(np.float32).ravel())
+    return types.GPUTexture((width, height), format='RGBA16F', data=data)
 
 
 def draw_radiance(engine: Any, viewport: Viewport, bl_scene: Any, size: tuple[int, int]) -> None:
@@ -48,7 +49,7 @@ def draw_radiance(engine: Any, viewport: Viewport, bl_scene: Any, size: tuple[in
 
 def draw_quantity() -> None:
     """Draw false colours and their legend over the 3D view that Blender is drawing."""
-    context = bpy.context
+    context: Any = bpy.context
     own = context.scene.radiometric
     viewport = VIEWPORTS.get(context.region.as_pointer())
     shading = context.space_data.shading.type
@@ -128,9 +129,10 @@ def _draw_legend(scale: str, limits: tuple[float, float], unit: str) -> None:
     import numpy as np
     from gpu_extras.presets import draw_texture_2d
 
-    scaled = (round(side * bpy.context.preferences.system.ui_scale) for side in LEGEND)
+    context: Any = bpy.context
+    scaled = (round(side * context.preferences.system.ui_scale) for side in LEGEND)
     margin, wide, tall, labels = scaled
-    left = bpy.context.region.width - margin - wide - labels
+    left = context.region.width - margin - wide - labels
     draw_texture_2d(texture(_colours()[::-1, None]), (left, margin), wide, tall)
     spaced = np.geomspace if scale == 'log' else np.linspace
     blf.size(0, wide * 0.75)

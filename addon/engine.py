@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import atexit
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -34,15 +35,16 @@ class RadiometricEngine(bpy.types.RenderEngine):
             viewport.stop()
 
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
-        self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", 'COLOR')
+        register: Any = self.register_pass
+        register(scene, renderlayer, "Combined", 4, "RGBA", 'COLOR')
         kinds = {"RGB": 'COLOR', "V": 'VALUE', "XYZ": 'VECTOR'}
         for name, channels in final.passes(scene):
-            self.register_pass(scene, renderlayer, name, len(channels), channels, kinds[channels])
+            register(scene, renderlayer, name, len(channels), channels, kinds[channels])
 
     def render(self, depsgraph: Any) -> None:
         final.render(self, depsgraph)
 
-    def view_update(self, context: bpy.types.Context, depsgraph: Any) -> None:
+    def view_update(self, context: Any, depsgraph: Any) -> None:
         """Read the scene again where something that light depends on has changed."""
         own = context.scene.radiometric
         asked = (own.model, own.shading)
@@ -57,7 +59,7 @@ class RadiometricEngine(bpy.types.RenderEngine):
             viewport.asked = asked
             viewport.read(depsgraph)
 
-    def view_draw(self, context: bpy.types.Context, depsgraph: Any) -> None:
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
         viewport, region, bl_scene = self._viewport, context.region, depsgraph.scene
         if viewport is None:
             return
@@ -100,12 +102,16 @@ def _panels() -> Iterator[Any]:
 
 def register() -> None:
     bpy.utils.register_class(RadiometricEngine)
+    if bpy.app.module:
+        atexit.register(unregister)  # Blender 4.5 would wait for ever
     for panel in _panels():
         panel.COMPAT_ENGINES = {*panel.COMPAT_ENGINES, ENGINE}
 
 
 def unregister() -> None:
-    for panel in bpy.types.Panel.__subclasses__():
+    atexit.unregister(unregister)
+    panels: list[Any] = bpy.types.Panel.__subclasses__()
+    for panel in panels:
         if ENGINE in getattr(panel, "COMPAT_ENGINES", ()):
             panel.COMPAT_ENGINES = panel.COMPAT_ENGINES - {ENGINE}
     bpy.utils.unregister_class(RadiometricEngine)

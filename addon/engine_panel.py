@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from .engine import ENGINE
@@ -15,10 +17,10 @@ class _Panel:
     properties: tuple[str, ...] = ()
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def poll(cls, context: Any) -> bool:
         return context.engine == ENGINE
 
-    def draw(self, context: bpy.types.Context) -> None:
+    def draw(self: Any, context: Any) -> None:
         self.layout.use_property_split = True
         for name in self.properties:
             self.layout.prop(context.scene.radiometric, name)
@@ -35,9 +37,10 @@ class RADIOMETRIC_RENDER_PT_view(_Panel, bpy.types.Panel):
     """What rendered viewports show."""
 
     bl_label = "Viewport False Colour"
+    bl_options = {'DEFAULT_CLOSED'}
     properties = ("view", "scale", "low", "high")
 
 
-register, unregister = bpy.utils.register_classes_factory(
+register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
     (RADIOMETRIC_RENDER_PT_sampling, RADIOMETRIC_RENDER_PT_view)
 )

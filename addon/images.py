@@ -21,9 +21,10 @@ def show_image(file: Path, name: str) -> Any:
     image = bpy.data.images.load(str(file))
     image.name = name
     image.pack()
+    context: Any = bpy.context
     editors = (
         area.spaces.active
-        for window in bpy.context.window_manager.windows
+        for window in context.window_manager.windows
         for area in window.screen.areas
         if area.type == 'IMAGE_EDITOR'
     )
@@ -95,7 +96,7 @@ class RADIOMETRIC_OT_false_colour(bpy.types.Operator):
         ),
     )
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: Any) -> Any:
         from ..blender_rad.photometry import falsecolor
 
         own = context.scene.radiometric
@@ -127,17 +128,18 @@ class RADIOMETRIC_IMAGE_PT_false_colour(bpy.types.Panel):
     bl_region_type = 'UI'
     bl_category = "Radiometry"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.use_property_split = True
+    def draw(self, context: Any) -> None:
+        layout: Any = self.layout
+        layout.use_property_split = True
         own = context.scene.radiometric
         for name in ("scale", "low", "high", "efficacy"):
-            self.layout.prop(own, name)
-        row = self.layout.row(align=True)
+            layout.prop(own, name)
+        row = layout.row(align=True)
         for quantity in ('illuminance', 'luminance'):
             name = RADIOMETRIC_OT_false_colour.bl_idname
             row.operator(name, text=quantity.capitalize()).quantity = quantity
 
 
-register, unregister = bpy.utils.register_classes_factory(
+register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
     (RADIOMETRIC_OT_false_colour, RADIOMETRIC_IMAGE_PT_false_colour)
 )

@@ -9,7 +9,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 
-def _changed(settings: Any, _: bpy.types.Context) -> None:
+def _changed(settings: Any, _: Any) -> None:
     """Have viewports look again: Blender does not tell of an add-on's own properties."""
     settings.id_data.update_tag()
 
@@ -41,7 +41,7 @@ class RADIOMETRIC_PG_scene(bpy.types.PropertyGroup):
         min=1e-4,
         max=1.0,
         precision=4,
-        step=0.1,
+        step=1,
         update=_changed,
     )
     samples: IntProperty(
@@ -65,7 +65,7 @@ class RADIOMETRIC_PG_scene(bpy.types.PropertyGroup):
         min=1e-4,
         max=0.5,
         precision=3,
-        step=0.1,
+        step=1,
     )
     view: EnumProperty(
         name="False Colour",
@@ -85,11 +85,15 @@ class RADIOMETRIC_PG_scene(bpy.types.PropertyGroup):
 
     @classmethod
     def register(cls) -> None:
-        bpy.types.Scene.radiometric = PointerProperty(type=cls)
+        scene: Any = bpy.types.Scene
+        scene.radiometric = PointerProperty(type=cls)
 
     @classmethod
     def unregister(cls) -> None:
-        del bpy.types.Scene.radiometric
+        scene: Any = bpy.types.Scene
+        del scene.radiometric
 
 
-register, unregister = bpy.utils.register_classes_factory((RADIOMETRIC_PG_scene,))
+register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
+    (RADIOMETRIC_PG_scene,)
+)

@@ -26,7 +26,7 @@ def area(kind):
 
 def picture(name):
     file = OUT / f"{name}.png"
-    subprocess.run(["import", "-window", "root", "-colors", "128", str(file)], check=True)
+    subprocess.run(["import", "-window", "root", "+dither", "-colors", "128", str(file)], check=True)
 
 
 def in_view(operator, **options):
