@@ -34,7 +34,9 @@ class RadiometricEngine(bpy.types.RenderEngine):
         if viewport := getattr(self, "_viewport", None):
             viewport.stop()
 
-    def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
+    def update_render_passes(  # pyright: ignore[reportIncompatibleMethodOverride] - of stubs
+        self, scene: Any = None, renderlayer: Any = None
+    ) -> None:
         register: Any = self.register_pass
         register(scene, renderlayer, "Combined", 4, "RGBA", 'COLOR')
         kinds = {"RGB": 'COLOR', "V": 'VALUE', "XYZ": 'VECTOR'}

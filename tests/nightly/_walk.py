@@ -26,7 +26,8 @@ def area(kind):
 
 def picture(name):
     file = OUT / f"{name}.png"
-    subprocess.run(["import", "-window", "root", "+dither", "-colors", "128", str(file)], check=True)
+    grab = ["import", "-window", "root", "+dither", "-colors", "128"]
+    subprocess.run([*grab, str(file)], check=True)
 
 
 def in_view(operator, **options):
