@@ -328,7 +328,7 @@ def _add_menu(self: Any, _: bpy.types.Context) -> None:
     self.layout.operator("radiometric.luminaire", icon='LIGHT_SPOT')
 
 
-_register, _unregister = bpy.utils.register_classes_factory(
+_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
     (
         RADIOMETRIC_MT_unit,
         RADIOMETRIC_PT_light,

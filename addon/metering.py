@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from ..blender_rad.errors import RadError
 
-KINDS = (
+KINDS: Any = (
     ('LUX', "Lux Meter", "Illuminance on a surface that faces along its Z", 'LIGHT_SUN'),
     ('NIT', "Luminance Meter", "How bright what it sees along its Z looks", 'HIDE_OFF'),
     ('GRID', "Meter Grid", "Illuminance over its rectangle: average and uniformity", 'MESH_GRID'),
@@ -113,7 +113,8 @@ def read(scene: Any, places: list[Place], efficacy: float, error: float) -> dict
             value = float(own.illuminance[0])
             found[place.name] = Reading(value, f"{figure(value)} lx{DOUBT * bool(own.excluded)}")
         else:
-            cells = grid(origin, *(axes[:, :2] * place.size).T, place.spacing)
+            u, v = (axes[:, :2] * place.size).T
+            cells = grid(origin, u, v, place.spacing)
             own = meter.read(cells.points, np.repeat(normal[None], len(cells.points), 0))
             lux = own.illuminance
             even = lux.min() / lux.mean() if lux.mean() else 0.0
@@ -208,7 +209,7 @@ def _draw() -> None:
     import blf
     from bpy_extras.view3d_utils import location_3d_to_region_2d
 
-    context = bpy.context
+    context: Any = bpy.context
     if not STATE.readings or not context.space_data.overlay.show_overlays:
         return
     scale = context.preferences.system.ui_scale
@@ -380,7 +381,7 @@ class RADIOMETRIC_PT_meters(bpy.types.Panel):
         for meter in found:
             box = layout.box()
             row = box.row()
-            mark = {None: 'BLANK1', True: 'CHECKMARK', False: 'ERROR'}[met(meter)]
+            mark: Any = {None: 'BLANK1', True: 'CHECKMARK', False: 'ERROR'}[met(meter)]
             row.label(text=meter.name, icon=mark)
             right = row.row()
             right.alignment = 'RIGHT'
@@ -417,7 +418,7 @@ def _add_menu(self: Any, _: bpy.types.Context) -> None:
     self.layout.menu(RADIOMETRIC_MT_meters.__name__, icon='LIGHT_SUN')
 
 
-_register, _unregister = bpy.utils.register_classes_factory(
+_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
     (
         RADIOMETRIC_PG_meter,
         RADIOMETRIC_OT_add_meter,

@@ -53,7 +53,8 @@ def unit_scale() -> float:
     """Return metres a Blender unit of the scene at hand."""
     from ..blender_rad.bpy_io.read import unit_scale
 
-    return unit_scale(bpy.context.scene) if bpy.context.scene else 1.0
+    scene: Any = bpy.context.scene
+    return unit_scale(scene) if scene else 1.0
 
 
 def _shape(light: Any) -> Any:
@@ -389,7 +390,7 @@ class RADIOMETRIC_PG_glow(bpy.types.PropertyGroup):
         del bpy.types.Material.radiometry, bpy.types.World.radiometry
 
 
-_register, _unregister = bpy.utils.register_classes_factory(
+_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
     (RADIOMETRIC_PG_light, RADIOMETRIC_PG_glow)
 )
 

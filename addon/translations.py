@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Display texts in other languages: one dictionary, registered once under the root package."""
 
+from typing import Any
+
 import bpy
 
 from .. import __package__ as root_package
 
-TEXTS = {
+TEXTS: Any = {
     'de_DE': {
         ("*", "Radiometry"): "Radiometrie",
         ("*", "What It Emits"): "Was es abgibt",
