@@ -137,7 +137,9 @@ class TexturedLight(Light):
         cos = np.maximum(-geometry.dot(sample.wi, towards), 0.0)
         far = 1.0 if light.kind == "SUN" else FAR**2
         intensity = (sample.weight * cos)[:, None] * tint * far
-        return intensity, (sample.weight * sample.pdf)[:, None] * tint
+        shines = (sample.weight != 0.0) & np.isfinite(sample.pdf)
+        radiance = np.multiply(sample.weight, sample.pdf, out=np.zeros(RAYS), where=shines)
+        return intensity, radiance[:, None] * np.where(shines[:, None], tint, 1.0)
 
     @property
     def _has_far_field(self) -> bool:

@@ -429,7 +429,7 @@ def test_json_alone_on_stdout_though_blender_chatters(tmp_path: Path) -> None:
 
 def test_threads(files: dict[str, Path], tmp_path: Path) -> None:
     start, before = time.monotonic(), time.process_time()
-    options = ("--samples", 256, "--threads", 1)
+    options = ("--samples", 2048, "--threads", 1)
     assert inside("render", files["two"], "-o", tmp_path / "o.exr", *options).code == 0
     assert time.process_time() - before < 1.2 * (time.monotonic() - start)
 
