@@ -138,7 +138,8 @@ class TexturedLight(Light):
         far = 1.0 if light.kind == "SUN" else FAR**2
         intensity = (sample.weight * cos)[:, None] * tint * far
         shines = (sample.weight != 0.0) & np.isfinite(sample.pdf)
-        radiance = np.multiply(sample.weight, sample.pdf, out=np.zeros(RAYS), where=shines)
+        radiance = np.zeros(RAYS)
+        np.multiply(sample.weight, sample.pdf, out=radiance, where=shines)
         return intensity, radiance[:, None] * np.where(shines[:, None], tint, 1.0)
 
     @property
