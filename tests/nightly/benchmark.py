@@ -25,7 +25,7 @@ import numpy as np
 
 TARGETS = (3e-3, 1e-3)
 OURS = (0.06, 0.045, 0.025)  # target relative standard errors
-CYCLES = (24, 80)  # samples a pixel
+CYCLES = (24, 120)  # samples a pixel
 Curve = list[tuple[float, float]]
 
 
