@@ -8,8 +8,9 @@ Nothing here knows of Blender; everything can be pickled.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,29 @@ class Unsupported:
 
 
 @dataclass(frozen=True)
+class Closure:
+    """A shader node that is more than Lambert.
+
+    Attributes
+    ----------
+    kind : Blender's name of the node, registered in `bsdfs`.
+    weight : factor of the mixes before it.
+    inputs : by the name of the socket.
+    settings : the node's own properties by Blender's names.
+    normal, tangent : what the node's inputs of these names say, None where they are not linked.
+    """
+
+    kind: str
+    weight: Expression
+    inputs: Mapping[str, Expression]
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    normal: Expression | None = None
+    tangent: Expression | None = None
+
+
+@dataclass(frozen=True)
 class Material:
-    """A surface: Lambert reflection plus emission from both faces.
+    """A surface: Lambert reflection, other closures, and emission from both faces.
 
     Attributes
     ----------
@@ -42,6 +64,7 @@ class Material:
     emission, emission_texture : (3,) radiance [W/(m² sr)], from both faces, and what varies.
     opaque : False where a shadow ray may pass in a way that is not known.
     transmittance : (3,) share of the light that passes straight through.
+    closures : what else reflects or lets light through.
     unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
     emission_known : False when it emits in a way that is not known: points that it may reach are
         excluded.
@@ -56,6 +79,7 @@ class Material:
     unsupported: tuple[Unsupported, ...] = ()
     albedo_texture: Expression | None = None
     emission_texture: Expression | None = None
+    closures: tuple[Closure, ...] = ()
 
     @property
     def emits(self) -> bool:
