@@ -22,6 +22,11 @@ Array = NDArray[np.float64]
 TINY = 1e-300
 
 
+def dot(a: Array, b: Array) -> Array:
+    """Return the scalar products (n,) of vectors (n, 3)."""
+    return np.sum(a * b, axis=1)
+
+
 class Frame(NamedTuple):
     """An orthonormal frame at each point: three (n, 3) by column, z along the normal."""
 
@@ -134,6 +139,29 @@ class Inputs:
     def colour(self, name: str) -> Array:
         """Return the colours (n, 3) of a socket."""
         return np.broadcast_to(self.values[name], (len(self.wo), 3))
+
+    def glossy(self, normal: Array | None = None) -> Array:
+        """Return a unit normal (n, 3), the node's without one, as glossy lobes take it.
+
+        Where it would mirror the viewer below the surface, Cycles turns it towards the geometric
+        normal, in their plane, until the mirrored direction r has r·g = t = min(0.9 o·g, 0.01).
+        With n = x sinα + g cosα and o = x o_x + g o_z + …, that is o_x sin2α + o_z cos2α = t, so
+        that 2α = φ + arccos(t/√(o_x² + o_z²)) with tan φ = o_x/o_z.
+        """
+        normal, g = self.normal if normal is None else normal, self.geometric
+        if not self.settings.get("use_bump_map_correction", True):
+            return normal
+        height, rise = dot(self.wo, g), dot(normal, g)
+        least = np.minimum(0.9 * height, 0.01)
+        low = np.flatnonzero(2.0 * dot(normal, self.wo) * rise - height < least)
+        x = normal[low] - rise[low, None] * g[low]
+        x /= np.maximum(np.sqrt(dot(x, x)), TINY)[:, None]
+        across, height = dot(self.wo[low], x), height[low]
+        slope = least[low] / np.maximum(np.hypot(across, height), TINY)
+        turn = 0.5 * (np.arctan2(across, height) + np.arccos(np.clip(slope, 0.0, 1.0)))
+        found = normal.copy(order="K")
+        found[low] = np.sin(turn)[:, None] * x + np.cos(turn)[:, None] * g[low]
+        return found
 
 
 Node = Callable[[Inputs], Sequence[Lobe]]
