@@ -2,12 +2,14 @@
 """Blender's face: properties, panels, operators. No physics; heavy libraries load when used."""
 
 from . import (
+    beside,
     check_panel,
     drawing,
     engine,
     engine_panel,
     images,
     light_panel,
+    lint_panel,
     metering,
     preferences,
     readout,
@@ -19,10 +21,12 @@ from . import (
 MODULES = (
     preferences,
     settings,
+    beside,
     drawing,
     engine,
     engine_panel,
     check_panel,
+    lint_panel,
     images,
     stating,
     readout,

@@ -8,8 +8,10 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
+from . import beside
 from .checking import POLL_S, Check
 from .images import show_difference
+from .text import say
 
 ICONS = {'agree': 'CHECKMARK', 'differ': 'CANCEL', 'undecided': 'QUESTION'}
 _checks: list[Check] = []  # the last one
@@ -25,11 +27,7 @@ def _poll() -> float | None:
     if check is None or not check.running:
         return None
     check.poll()
-    context: Any = bpy.context
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == 'PROPERTIES':
-                area.tag_redraw()
+    beside.redraw('PROPERTIES')
     return POLL_S if check.running else None
 
 
@@ -139,35 +137,32 @@ class RADIOMETRIC_RENDER_PT_check(bpy.types.Panel):
             return
         layout.operator("radiometric.check", icon='VIEWZOOM')
         if check and check.document:
-            _draw_answer(layout.box(), check.document)
+            _draw_answer(layout.box(), context, check.document)
             row = layout.row(align=True)
             row.operator("radiometric.report", icon='URL')
             row.operator("radiometric.difference", icon='IMAGE_DATA')
         elif check:
-            layout.label(text=check.error, icon='ERROR')
+            say(layout, context, check.error, 'ERROR')
 
 
-def _draw_answer(box: Any, document: dict[str, Any]) -> None:
+def _draw_answer(box: Any, context: Any, document: dict[str, Any]) -> None:
     verdict, settings = document["verdict"], document["settings"]
     terms = f"within {100 * settings['tolerance']:g} %, {100 * settings['confidence']:g} % sure"
-    box.label(text=f"{verdict.capitalize()} ({terms})", icon=ICONS[verdict])
+    say(box, context, f"{verdict.capitalize()} ({terms})", ICONS[verdict])
     ratio = document["metrics"]["energy_ratio"]
-    if ratio is not None:
-        box.label(text=f"Cycles gives {ratio:.4f} times the light")
+    given = "" if ratio is None else f"Cycles gives {ratio:.4f} times the light. "
     share = document["coverage"]["supported_pixel_fraction"]
-    box.label(text=f"{100 * share:.0f} % of the picture compared")
+    say(box, context, f"{given}{100 * share:.0f} % of the picture compared", 'BLANK1')
     for light in document["lights"]:
         if light["verdict"] == "differ":
-            row = box.row()
-            row.operator(
-                "radiometric.select", text=light["name"], icon=ICONS['differ']
-            ).name = light["name"]
-            scale = light["scale_in_witness"]
+            name, scale = light["name"], light["scale_in_witness"]
+            box.operator("radiometric.select", text=name, icon=ICONS['differ']).name = name
             said = "" if scale is None else f"x {scale:.3f} "
-            row.label(text=said + (light["diagnosis"] or ""))
+            say(box, context, said + (light["diagnosis"] or ""), 'BLANK1')
     for finding in document["findings"]:
         if finding["severity"] != "info":
-            box.label(text=f"{finding['object']} {finding['message']}".strip(), icon='INFO')
+            said = f"{finding['object']} {finding['message']}".strip()
+            say(box, context, said, 'INFO')
 
 
 _register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import Any
 
 import bpy
 from bpy.props import StringProperty
 
 from . import readout, stating
+from .text import say
 
 QUANTITIES = {
     'W': "Flux",
@@ -31,7 +31,6 @@ READ = (  # what, its key, and its unit
     ("", "facing_lx", "lx"),
     ("Colour", "correlated_colour_temperature_K", "K"),
 )
-LETTER = 6.5  # px of a letter at a UI scale of 1, on average
 
 
 def _block(context: bpy.types.Context) -> Any:
@@ -98,7 +97,7 @@ class RADIOMETRIC_PT_light(_Data, bpy.types.Panel):
             layout.label(text="This light has none: choose another unit", icon='INFO')
         layout.prop(group, "spectrum", icon='COLOR')
         if error := group.get("error"):
-            _say(layout, context, error, 'ERROR')
+            say(layout, context, error, 'ERROR')
         layout.prop(group, "efficacy")
         column = layout.column(align=True)
         if light.type == 'SPOT':
@@ -107,7 +106,7 @@ class RADIOMETRIC_PT_light(_Data, bpy.types.Panel):
             column.prop(group, "compensate")
         if stating.value_curves(light):
             column = layout.column()
-            _say(column, context, "Keys on the value need this add-on where it renders", 'INFO')
+            say(column, context, "Keys on the value need this add-on where it renders", 'INFO')
             column.operator("radiometric.keys_to_power")
 
 
@@ -152,17 +151,7 @@ class RADIOMETRIC_PT_emits(_Data, bpy.types.Panel):
         notes = layout.column(align=True)
         notes.active = False
         for note in row["notes"]:
-            _say(notes, context, note.replace("--", ""), 'DOT')
-
-
-def _say(layout: Any, context: bpy.types.Context, text: str, icon: str) -> None:
-    """Draw a text in as many lines as it needs."""
-    scale = context.preferences.system.ui_scale
-    width = max(int(context.region.width / (LETTER * scale)) - 9, 20)
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, width)):
-        column.label(text=line, icon='BLANK1' if number else icon)
+            say(notes, context, note.replace("--", ""), 'DOT')
 
 
 class _Glow(_Data):

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any, NamedTuple
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from ..blender_rad.errors import RadError
+from . import beside
+from .text import say
 
 KINDS: Any = (
     ('LUX', "Lux Meter", "Illuminance on a surface that faces along its Z", 'LIGHT_SUN'),
@@ -21,7 +23,6 @@ LABELLED = 400  # cells of a grid that carry their number
 APART = 20  # points, at least, between numbers of cells that are drawn
 DOUBT = " (in doubt)"  # something that it sees, or is lit by, is not supported
 MET = 0.02  # of a target: near enough
-POLL_S = 0.1
 NEAR = (0.35, 0.9, 0.45, 1.0)
 OFF = (1.0, 0.55, 0.3, 1.0)
 PLAIN = (0.95, 0.95, 0.95, 1.0)
@@ -54,8 +55,7 @@ class State:
 
     def __init__(self) -> None:
         self.readings = {}
-        self.running: Future[dict[str, Reading]] | None = None
-        self.pool: ThreadPoolExecutor | None = None
+        self.running = False
         self.handle: Any = None
 
 
@@ -129,48 +129,35 @@ def read(scene: Any, places: list[Place], efficacy: float, error: float) -> dict
 
 def start(context: bpy.types.Context) -> None:
     """Have the meters read on a thread; the scene's arrays are taken here and now."""
-    STATE.stale = False
+    STATE.stale, STATE.running = False, True
     scene, places = scene_now(context)
-    STATE.pool = STATE.pool or ThreadPoolExecutor(1)
-    efficacy = context.scene.radiometric.efficacy
-    STATE.running = STATE.pool.submit(read, scene, places, efficacy, ERROR)
-    _wait()
+    beside.begin(_taken, read, scene, places, context.scene.radiometric.efficacy, ERROR)
 
 
-def _wait() -> None:
-    if not bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.register(_poll, first_interval=POLL_S)
+def _taken(found: Future[dict[str, Reading]]) -> None:
+    """Take what the thread has found; read again where the scene has changed meanwhile."""
+    STATE.running = False
+    try:
+        STATE.readings, STATE.error = found.result(), ""
+    except RadError as error:
+        STATE.error = str(error)
+    beside.redraw('VIEW_3D')
+    _again()
 
 
-def _poll() -> float | None:
-    """Take what the thread has found; as a timer, until nothing is under way or wanted."""
-    if STATE.running and not STATE.running.done():
-        return POLL_S
-    if STATE.running:
-        finish()
-    if STATE.stale:
+def _again() -> None:
+    """Read where that is wanted, and nothing is under way; as a timer too."""
+    if STATE.stale and not STATE.running:
         try:
             start(bpy.context)
         except RadError as error:
-            STATE.error = str(error)
-            return None
-        return POLL_S
-    return None
+            STATE.running, STATE.error = False, str(error)
 
 
-def finish() -> None:
-    """Wait for the thread and take its readings."""
-    if STATE.running:
-        try:
-            STATE.readings, STATE.error = STATE.running.result(), ""
-        except RadError as error:
-            STATE.error = str(error)
-        finally:
-            STATE.running = None
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == 'VIEW_3D':
-                area.tag_redraw()
+def _wait() -> None:
+    """Read soon: not in a handler, whose depsgraph is not done yet."""
+    if not bpy.app.timers.is_registered(_again):
+        bpy.app.timers.register(_again, first_interval=beside.POLL_S)
 
 
 @bpy.app.handlers.persistent
@@ -306,8 +293,6 @@ class RADIOMETRIC_OT_read_meters(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             start(context)
-            if bpy.app.background:
-                finish()
         except RadError as error:
             STATE.error = str(error)
         if STATE.error:
@@ -401,7 +386,7 @@ class RADIOMETRIC_PT_meters(bpy.types.Panel):
         row.prop(context.scene, "radiometric_live", toggle=True)
         layout.operator("radiometric.solve", icon='LIGHT')
         if STATE.error:
-            layout.label(text=STATE.error, icon='ERROR')
+            say(layout, context, STATE.error, 'ERROR')
 
 
 class RADIOMETRIC_MT_meters(bpy.types.Menu):
@@ -445,9 +430,7 @@ def unregister() -> None:
     bpy.app.handlers.load_post.remove(_forget)
     bpy.app.handlers.depsgraph_update_post.remove(_changed)
     bpy.types.VIEW3D_MT_add.remove(_add_menu)
-    if bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.unregister(_poll)
-    if STATE.pool:
-        STATE.pool.shutdown(cancel_futures=True)
+    if bpy.app.timers.is_registered(_again):
+        bpy.app.timers.unregister(_again)
     STATE.__init__()
     _unregister()

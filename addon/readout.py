@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 import pickle
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any
 
-import bpy
+from . import beside
 
-POLL_S = 0.1
 MOST = 256
-_rows: dict[bytes, Future[dict[str, Any]]] = {}
+_rows: dict[bytes, dict[str, Any] | None] = {}  # None while it is worked out
 _last: dict[str, dict[str, Any]] = {}
-_pool: list[ThreadPoolExecutor] = []
 
 
 def known(record: Any, convention: Any, model: str, point: tuple[float, ...] | None) -> Any:
@@ -25,13 +23,15 @@ def known(record: Any, convention: Any, model: str, point: tuple[float, ...] | N
     if key not in _rows:
         if len(_rows) > MOST:
             _rows.clear()
-        if not _pool:
-            _pool.append(ThreadPoolExecutor(1))
-        _rows[key] = _pool[0].submit(row, record, convention, model, point)
-    if _rows[key].done():
-        _last[record.name] = _rows[key].result()
-    elif not bpy.app.timers.is_registered(_redraw):
-        bpy.app.timers.register(_redraw, first_interval=POLL_S)
+
+        def taken(found: Future[dict[str, Any]]) -> None:
+            _rows[key] = found.result()
+            beside.redraw('PROPERTIES')
+
+        _rows[key] = None
+        beside.begin(taken, row, record, convention, model, point)
+    if now := _rows[key]:
+        _last[record.name] = now
     return _last.get(record.name)
 
 
@@ -76,23 +76,10 @@ def row(record: Any, convention: Any, model: Any, point: Any) -> dict[str, Any]:
     return {**found, "facing_lx": facing}
 
 
-def _redraw() -> float | None:
-    """Redraw the panels; as a timer, until nothing is under way."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == 'PROPERTIES':
-                area.tag_redraw()
-    return POLL_S if any(not future.done() for future in _rows.values()) else None
-
-
 def register() -> None:
-    """Nothing to register: the pool starts when a panel asks."""
+    """Nothing to register: panels ask."""
 
 
 def unregister() -> None:
-    if bpy.app.timers.is_registered(_redraw):
-        bpy.app.timers.unregister(_redraw)
-    while _pool:
-        _pool.pop().shutdown(cancel_futures=True)
     _rows.clear()
     _last.clear()

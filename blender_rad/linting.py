@@ -29,6 +29,7 @@ NOTICEABLE, SAME = 1.0, 0.01  # [%]; the first is what `check` tolerates by defa
 SIDE, SAMPLES, SECONDS = 64, 32, 5.0
 GRAVITY = ("error", "warning", "info")
 DEFAULT_WORLD = 0.05087609  # Blender's
+MOST_BOUNCES = 1024  # that Cycles takes
 # Of the notes on lights: errors whatever the picture, and what only may be meant otherwise.
 CERTAIN = {"negative-energy", "unit-scale"}
 POSSIBLE = {"soft-falloff", "not-normalised", "no-shadow", "spot-cone", "ies-efficacy"}
@@ -139,14 +140,24 @@ class Lint:
 
 Rule = Callable[[Lint], Iterator[Said]]
 RULES: dict[str, Rule] = {}
+# By code, what makes a finding go away and is safe: values by the path from the scene, or, where it
+# begins with ``data``, from the object that the finding is about.
+FIXES: dict[str, dict[str, Any]] = {
+    code: {setting: harmless} for code, setting, harmless, *_ in PLAIN if "." in setting
+} | {
+    "compositor": {"render.use_compositing": False},
+    "sequencer": {"render.use_sequencer": False},
+}
 
 
-def rule(code: str) -> Callable[[Rule], Rule]:
-    """Return a decorator that makes a function the rule `code`."""
+def rule(code: str, fix: Mapping[str, Any] | None = None) -> Callable[[Rule], Rule]:
+    """Return a decorator that makes a function the rule `code`, which `fix` would satisfy."""
+    if fix:
+        FIXES[code] = dict(fix)
     return lambda function: RULES.setdefault(code, function)
 
 
-@rule("film-exposure")
+@rule("film-exposure", {"cycles.film_exposure": 1.0})
 def _film_exposure(lint: Lint) -> Iterator[Said]:
     if (factor := lint["cycles.film_exposure"]) != 1.0:
         said = "multiplies every EXR value: set it to 1, or divide by it"
@@ -170,7 +181,7 @@ def _output(lint: Lint) -> Iterator[Said]:
         yield Said(f"EXR of {depth} bits with {codec} rounds: save 32 bits with ZIP", None, "info")
 
 
-@rule("clamp-direct")
+@rule("clamp-direct", {"cycles.sample_clamp_direct": 0.0})
 def _clamp_direct(lint: Lint) -> Iterator[Said]:
     """Take it as a limit on the mean of R, G and B: E[min(x, c)] ≤ min(E[x], c) for any noise."""
     if (limit := lint["cycles.sample_clamp_direct"]) > 0.0:
@@ -182,7 +193,7 @@ def _clamp_direct(lint: Lint) -> Iterator[Said]:
         yield Said(f"direct clamp {limit:.4g} {said}", -100.0 * lost or None)
 
 
-@rule("bounces")
+@rule("bounces", {"cycles.max_bounces": MOST_BOUNCES, "cycles.diffuse_bounces": MOST_BOUNCES})
 def _bounces(lint: Lint) -> Iterator[Said]:
     """In a closed room of albedo ρ the light is E Σ ρᵏ: after n bounces ρⁿ⁺¹ of it is missing."""
     count = min(lint["cycles.max_bounces"], lint["cycles.diffuse_bounces"])
@@ -192,14 +203,14 @@ def _bounces(lint: Lint) -> Iterator[Said]:
     yield Said(f"{said} of the light, if the room is closed: raise both limits", -lost, severity)
 
 
-@rule("glossy-filter")
+@rule("glossy-filter", {"cycles.blur_glossy": 0.0})
 def _glossy(lint: Lint) -> Iterator[Said]:
     if (blur := lint["cycles.blur_glossy"]) > 0.0:
         said = "blurs bounced reflections, direct light is left: set it to 0"
         yield Said(f"filter glossy {blur:.4g} {said}", None, lint.of_reflections)
 
 
-@rule("caustics")
+@rule("caustics", {"cycles.caustics_reflective": True, "cycles.caustics_refractive": True})
 def _caustics(lint: Lint) -> Iterator[Said]:
     kinds = [k for k in ("reflective", "refractive") if not lint[f"cycles.caustics_{k}"]]
     if kinds:
@@ -239,7 +250,7 @@ def _linking(lint: Lint) -> Iterator[Said]:
             yield Said(f"{one.feature.lower()} {said}", None, "warning", one.name)
 
 
-@rule("soft-falloff")
+@rule("soft-falloff", {"data.use_soft_falloff": False})
 def _soft_falloff(lint: Lint) -> Iterator[Said]:
     lights = [_hard(light) for light in lint.scene.lights]
     names = {new.name for new, old in zip(lights, lint.scene.lights, strict=True) if new is not old}

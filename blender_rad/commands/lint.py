@@ -31,13 +31,15 @@ class LintOptions(EngineCommand, verb="lint"):
 
     def run(self) -> Outcome:
         from ..bpy_io.settings import render_settings
-        from ..linting import lint
+        from ..linting import FIXES, lint
+        from ..strict_json import plain
 
         bl_scene, scene = self.read(self.frame)
         settings = render_settings(bl_scene)
         measured = self._measured(bl_scene, scene.resolution) if self.measure else {}
         findings = lint(scene, settings, self.threads, measured)
-        document = {"findings": findings, "efficacy_lm_W": self.efficacy, "model": self.model}
+        fixed = [{**plain(f), "fix": FIXES.get(f.code, {})} for f in findings]
+        document = {"findings": fixed, "efficacy_lm_W": self.efficacy, "model": self.model}
         code = int(any(finding.severity == "error" for finding in findings))
         return Outcome(document, _text(findings), code)
 
