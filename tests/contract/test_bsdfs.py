@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every lobe must keep, held against quadrature over all directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from inspect import isabstract
+
+import numpy as np
+import pytest
+
+from blender_rad.bsdfs import BSDFS, Frame, Lobe, Mixture
+
+Array = np.ndarray
+COSINES = {"normal": 1.0, "steep": 0.75, "slant": 0.3, "grazing": 0.02}
+RINGS, SECTORS = 20, 12
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
+DEPTH, FINE = 6, 1e-5  # how often cells are halved, unless that changes less
+SAMPLES, PILOT = 20_000, 4000
+LEAST = 10.0  # samples expected in a cell that is judged by itself
+SIGMAS = 4.3  # one in 100 000, of about a thousand comparisons; all seeds are fixed
+QUADRATURE = 0.01  # error of the whole, for the tests to mean something
+ROUGH = 3e-4  # error of cells that changed less than FINE
+ENERGY = 2e-3  # beyond 1: fits of lost energy
+
+
+def lobe_classes() -> list[type[Lobe]]:
+    len(BSDFS)  # loads all files
+    found: list[type[Lobe]] = []
+    rest: list[type[Lobe]] = [Lobe]
+    while rest:
+        rest += (found_now := rest.pop(0)).__subclasses__()
+        found.append(found_now)
+    ours = [c for c in found if c.__module__.startswith("blender_rad.") and not isabstract(c)]
+    return sorted(ours, key=lambda c: c.__name__)
+
+
+def frame_of(n: int, tilted: bool = True, flipped: bool = False) -> Frame:
+    """Return one frame n times: the world's own, or one along none of its axes."""
+    axes = np.eye(3)
+    if tilted:
+        axes = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    if flipped:
+        axes = axes * [1.0, -1.0, -1.0]
+    return Frame(*(np.asfortranarray(np.tile(axis, (n, 1))) for axis in axes.T))
+
+
+def directions(cosine: Array, turn: Array, frame: Frame) -> Array:
+    sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+    return frame.world(np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine]).T)
+
+
+@dataclass(frozen=True)
+class Case:
+    """An example of a class at a ω_o; k = −1 is the mixture of all examples."""
+
+    cls: type[Lobe]
+    k: int
+    cosine: float
+
+    def wo(self, n: int) -> tuple[Array, Frame]:
+        frame = frame_of(n, tilted=self.cosine < 1.0)
+        return directions(np.full(n, self.cosine), np.full(n, 0.7), frame), frame
+
+    def at(self, n: int) -> Lobe | Mixture:
+        parts = self.cls.examples(*self.wo(n))
+        return Mixture.of(parts) if self.k < 0 else parts[self.k]
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """All directions, in sectors and in rings of as many samples each about the densest."""
+
+    axis: Array
+    edges: Array
+
+    @classmethod
+    def about(cls, samples: Array, density: Array) -> Sphere:
+        axis = samples[np.argmax(density)]
+        angle = np.sort(np.arccos(np.clip(samples @ axis, -1.0, 1.0)))
+        inner = angle[np.linspace(0, len(angle) - 1, RINGS - 3).astype(int)[1:]]
+        return cls(axis, np.concatenate([[0.0], inner, np.linspace(inner[-1], np.pi, 4)[1:]]))
+
+    @property
+    def sectors(self) -> Array:
+        return np.linspace(0.0, 2.0 * np.pi, SECTORS + 1)
+
+    def counts(self, samples: Array) -> Array:
+        """Return how many samples are in each cell, flat."""
+        x, y, z = Frame.around(np.tile(self.axis, (len(samples), 1))).local(samples).T
+        theta, phi = np.arccos(np.clip(z, -1.0, 1.0)), np.arctan2(y, x) % (2.0 * np.pi)
+        return np.histogram2d(theta, phi, [self.edges, self.sectors])[0].ravel()
+
+    def integrals(self, function: Callable[[Array], Array]) -> tuple[Array, Array]:
+        """Return integrals over each cell of a function (k, m) of directions, and their errors.
+
+        Cells are halved both ways while that changes what Gauss' rule finds.
+        """
+        low = np.stack(np.meshgrid(self.edges[:-1], self.sectors[:-1], indexing="ij")).reshape(
+            2, -1
+        )
+        high = np.stack(np.meshgrid(self.edges[1:], self.sectors[1:], indexing="ij")).reshape(2, -1)
+        home = np.arange(low.shape[1])
+        before = self._gauss(function, low, high)
+        total, error = np.zeros((2, len(home), before.shape[1]))
+        for depth in range(DEPTH):
+            middle = 0.5 * (low + high)
+            grid = np.stack([low, middle, high])
+            picks = [(i, j) for i in (0, 1) for j in (0, 1)]
+            low, high = (
+                np.stack([[grid[i + k, 0], grid[j + k, 1]] for i, j in picks], axis=-1)
+                for k in (0, 1)
+            )
+            low, high = low.reshape(2, -1), high.reshape(2, -1)
+            now = self._gauss(function, low, high)
+            off = np.abs(now.reshape(-1, 4, now.shape[1]).sum(axis=1) - before)
+            again = np.repeat((off > FINE).any(axis=1) & (depth < DEPTH - 1), 4)
+            home = np.repeat(home, 4)
+            np.add.at(total, home[~again], now[~again])
+            np.add.at(error, home[~again], np.repeat(off / 4.0, 4, axis=0)[~again])
+            if not again.any():
+                break
+            low, high, home, before = low[:, again], high[:, again], home[again], now[again]
+        return total, error
+
+    def _gauss(self, function: Callable[[Array], Array], low: Array, high: Array) -> Array:
+        theta, phi = (
+            low[k][:, None] + (high - low)[k][:, None] * (0.5 + 0.5 * NODES) for k in (0, 1)
+        )
+        theta, phi = np.broadcast_arrays(theta[:, :, None], phi[:, None, :])
+        frame = Frame.around(np.tile(self.axis, (theta.size, 1)))
+        values = function(directions(np.cos(theta).ravel(), phi.ravel(), frame))
+        values = values.reshape(*theta.shape, -1) * np.sin(theta)[..., None]
+        area = 0.25 * np.prod(high - low, axis=0)
+        return np.einsum("cijm,i,j,c->cm", values, WEIGHTS, WEIGHTS, area)
+
+
+def cases() -> Iterator[object]:
+    for cls in lobe_classes():
+        count = len(cls.examples(*Case(cls, 0, 1.0).wo(1)))
+        for k in range(-1 if count > 1 else 0, count):
+            for name, cosine in COSINES.items():
+                yield pytest.param(Case(cls, k, cosine), id=f"{cls.__name__}-{k}-{name}")
+
+
+def sample(case: Case, n: int, seed: int) -> tuple[Array, Array, Array]:
+    """Return directions found (k, 3), f |cosθ_i|/p of all (n, 3), and p of those found (k,)."""
+    lobe = case.at(n)
+    wi = lobe.sample(np.random.default_rng(seed).random((n, 2)))
+    length = np.linalg.norm(wi, axis=1)
+    hit = length > 0.0
+    assert np.allclose(length[hit], 1.0, atol=1e-9)
+    value, density = lobe.evaluate(wi)
+    assert (density[hit] > 0.0).all(), "a density where it samples"
+    ratio = np.broadcast_to(value / np.maximum(density, 1e-300)[:, None], (n, 3))
+    return wi[hit], ratio * hit[:, None], density[hit]
+
+
+@pytest.mark.parametrize("case", list(cases()))
+def test_samples_follow_the_density_and_find_the_albedo(case: Case) -> None:
+    pilot, _, density = sample(case, PILOT, 1)
+    sphere = Sphere.about(pilot, density)
+
+    def density_and_value(wi: Array) -> Array:
+        value, density = case.at(len(wi)).evaluate(wi)
+        assert (value >= 0.0).all() and (density >= 0.0).all(), "positivity"
+        assert (density[(value > 0.0).any(axis=1)] > 0.0).all(), "what is never sampled is missing"
+        return np.concatenate([density[:, None], np.broadcast_to(value, (len(wi), 3))], axis=1)
+
+    integrals, errors = sphere.integrals(density_and_value)
+    whole, slack = integrals.sum(axis=0), errors.sum(axis=0) + ROUGH
+    assert (slack < QUADRATURE).all()
+    wi, ratio, _ = sample(case, SAMPLES, 2)
+    failed = 1.0 - len(wi) / SAMPLES
+    spread = np.sqrt(failed * (1.0 - failed) / SAMPLES)
+    assert abs(whole[0] - 1.0 + failed) < SIGMAS * spread + slack[0], "1 less failures"
+    expected, error = SAMPLES * integrals[:, 0], SAMPLES * errors[:, 0]
+    counts, own = sphere.counts(wi), expected > LEAST
+    off = np.append((counts - expected)[own], (counts - expected)[~own].sum())
+    variance = np.append((expected + error**2)[own], (expected + error**2)[~own].sum() + 1.0)
+    assert normal_deviate(float(np.sum(off**2 / variance)), len(off)) < SIGMAS
+    allowed = SIGMAS * ratio.std(axis=0) / np.sqrt(SAMPLES) + slack[1:]
+    assert (np.abs(ratio.mean(axis=0) - whole[1:]) < allowed).all()
+    if case.cls.conserves and case.k >= 0:
+        assert (whole[1:] < 1.0 + ENERGY + slack[1:]).all()
+
+
+def normal_deviate(chi_squared: float, degrees: int) -> float:
+    """Return the normal deviate of the same probability (Wilson and Hilferty, 1931)."""
+    step = 2.0 / (9.0 * degrees)
+    return ((chi_squared / degrees) ** (1.0 / 3.0) - 1.0 + step) / np.sqrt(step)
+
+
+@pytest.mark.parametrize("cls", lobe_classes())
+def test_lobes_are_reciprocal_finite_and_sliced(cls: type[Lobe], rng: np.random.Generator) -> None:
+    n = 4000
+    frame, back = frame_of(n), frame_of(n, flipped=cls.transmits)
+    a, b = (directions(np.sqrt(rng.random(n)), 6.283 * rng.random(n), f) for f in (frame, back))
+    rows = rng.permutation(n)[:700]
+    u = rng.random((n, 2))
+    for there, again in zip(cls.examples(a, frame), cls.examples(b, back), strict=True):
+        whole, whole_density = there.evaluate(b)
+        part, part_density = there.at(rows).evaluate(b[rows])
+        assert np.array_equal(part, whole[rows]) and np.array_equal(
+            part_density, whole_density[rows]
+        )
+        assert np.array_equal(there.at(rows).sample(u[rows]), there.sample(u)[rows])
+        assert np.array_equal(there.at(rows).weight, there.weight[rows])
+        assert np.isfinite(there.albedo()).all() and (there.albedo() >= 0.0).all()
+        f_there = there.weight * whole / np.abs(np.sum(b * frame.z, axis=1))[:, None]
+        f_again = again.weight * again.evaluate(a)[0] / np.abs(np.sum(a * frame.z, axis=1))[:, None]
+        alike = np.allclose(f_there, f_again, rtol=1e-7, atol=1e-9 * f_there.max())
+        assert alike == cls.reciprocal, "what is not promised must be seen to fail"
+
+
+@pytest.mark.parametrize("cls", lobe_classes())
+@pytest.mark.parametrize("cosine", [1.0, 0.5, 1e-4, 1e-9])
+def test_lobes_are_finite_everywhere(
+    cls: type[Lobe], cosine: float, rng: np.random.Generator
+) -> None:
+    n = 512
+    wo, frame = Case(cls, 0, cosine).wo(n)
+    mirrored = 2.0 * np.sum(wo * frame.z, axis=1)[:, None] * frame.z - wo
+    edge = rng.choice([0.0, 1e-300, 1e-12, 1e-4, -1e-12], n)
+    around = directions(edge, 6.283 * rng.random(n), frame)
+    corners = [np.zeros(2), np.array([0.0, 1.0 - 2**-53]), np.full(2, 1.0 - 2**-53)]
+    for lobe in cls.examples(wo, frame):
+        for wi in (wo, -wo, mirrored, frame.z, -frame.z, frame.x, around, np.zeros_like(wo)):
+            value, density = lobe.evaluate(wi)
+            assert np.isfinite(value).all() and np.isfinite(density).all()
+            assert (value >= 0.0).all() and (density >= 0.0).all()
+        for corner in corners:
+            assert np.isfinite(lobe.sample(np.tile(corner, (n, 1)))).all()
