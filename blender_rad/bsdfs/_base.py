@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, ClassVar, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,25 @@ from numpy.typing import NDArray
 from ..registry import Registry
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 TINY = 1e-300
 
 
 def dot(a: Array, b: Array) -> Array:
     """Return the scalar products (n,) of vectors (n, 3)."""
     return np.sum(a * b, axis=1)
+
+
+def picked(value: T, rows: NDArray[np.int64]) -> T:
+    """Return the rows (k,) of an array, or of all arrays in a tuple or a dataclass."""
+    if isinstance(value, np.ndarray):
+        return cast("T", value[rows])
+    if isinstance(value, Frame):
+        return cast("T", Frame(*(axis[rows] for axis in value)))
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {part.name: picked(getattr(value, part.name), rows) for part in fields(value)}
+        return replace(value, **parts)
+    return value
 
 
 class Frame(NamedTuple):
@@ -68,10 +81,12 @@ class Lobe(ABC):
     ----------
     weight : (n, 3) factor on `evaluate` by channel, of node colours, mixes and layers above.
     reciprocal : whether f(i, o) = f(o, i) is promised; the laws of the others say why not.
+    conserves : whether ∫ f cosθ dω ≤ 1 is promised.
     transmits : whether it sends light through the surface.
     """
 
     reciprocal: ClassVar[bool] = True
+    conserves: ClassVar[bool] = True
     transmits: ClassVar[bool] = False
     weight: Array
 
@@ -93,9 +108,9 @@ class Lobe(ABC):
         """Return about ∫ f |cosθ_i| dω_i, (n, 1) or (n, 3), which sampling is shared out by."""
         return np.ones((1, 1))
 
-    @abstractmethod
     def at(self, rows: NDArray[np.int64]) -> Lobe:
-        """Return the lobe of the points `rows` (k,)."""
+        """Return the lobe of the points `rows` (k,), of a dataclass of (n, …) arrays."""
+        return picked(self, rows)
 
     @classmethod
     @abstractmethod
