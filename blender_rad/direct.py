@@ -65,7 +65,7 @@ class Visibility:
 
     def _stops_light(self, instance: int) -> bool:
         materials = [self._scene.materials[m] for m in self._scene.instances[instance].materials]
-        return all(m.opaque and not any(m.transmittance) for m in materials)
+        return all(m.opaque and not m.passes for m in materials)
 
     def cause(self, instance: int) -> Unsupported:
         """Return why light through the unknown `instance` cannot be followed."""

@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TypeVar
 
@@ -46,6 +46,7 @@ STREAMS = 2  # the fewest that tell of a spread: points spread the more evenly, 
 BATCH = 20480  # camera samples worked off at a time, so that arrays stay near the processor
 MAX_SAMPLES = MAX_POINTS
 ANOTHER_SEED = 0x10001  # between surfaces behind each other
+BEHIND = "Measured sockets behind transparent surfaces"
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
 
 
@@ -127,11 +128,12 @@ class _Run:
         self.scene, self.camera, self.settings = scene, camera, settings
         self.light = light
         materials, geometry = scene.materials, light.geometry
-        self.albedo, self.emission = (
+        self.albedo, self.emission, self.normals = (
             Shading(scene, geometry, colours, textures)
             for colours, textures in (
                 ([m.albedo for m in materials], [m.albedo_texture for m in materials]),
                 ([m.emission for m in materials], [m.emission_texture for m in materials]),
+                ([(0.0, 0.0, 0.0)] * len(materials), [m.normal for m in materials]),
             )
         )
         self.unsupported = [m.unsupported for m in scene.materials]
@@ -263,8 +265,9 @@ class _Run:
         index = np.repeat(self.sums.taken[rows] // STREAMS, count)
         stream = np.tile(np.arange(count), len(rows))
         uniform = Points(pixel, stream, index, self.settings.seed + passed * ANOTHER_SEED)
+        subpixel = None
         if rays is None:
-            where = self._positions(pixel, uniform.pair(0))
+            where, subpixel = self._positions(pixel, uniform.pair(0))
             lens = uniform.pair(-1) if self.camera.aperture else None
             rays = camera_rays(self.camera, self.scene.resolution, where, lens)
         hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
@@ -274,6 +277,8 @@ class _Run:
         if len(batch.hits):
             directions = pick(rays.directions, batch.hits)
             surface = self.light.geometry.surface(hits.take(batch.hits), directions)
+            if subpixel is not None:
+                surface = self._measured(surface, subpixel.take(batch.hits))
             leaving = self._surfaces(batch, surface)
             if passed < self.shaded:
                 share = self.sightings.of(rows[batch.pixel_of_hit], stream.take(batch.hits))
@@ -319,6 +324,9 @@ class _Run:
         for material in materials:
             for cause in self.unsupported[material]:
                 self._exclude(batch, batch.hits[surface.material == material], cause)
+            if self.scene.materials[material].measured and surface.subpixel is None:
+                cause = Unsupported("material", self.scene.materials[material].name, BEHIND)
+                self._exclude(batch, batch.hits[surface.material == material], cause)
         if not any(self.scene.materials[m].emits for m in materials):
             return np.zeros_like(surface.point)
         emission = self.emission.at(surface)
@@ -360,11 +368,29 @@ class _Run:
             batch.add(batch.total(batch.spread(irradiance)), self.sums.irradiance)
         return brdf * irradiance
 
-    def _positions(self, pixel: Ints, jitter: Floats) -> Floats:
-        """Return picture positions (n, 2), y up, of a box filter one pixel wide."""
+    def _positions(self, pixel: Ints, jitter: Floats) -> tuple[Floats, Ints | None]:
+        """Return picture positions (n, 2), y up, of a box filter one pixel wide.
+
+        Where things are measured they are where that is: the second are points of the measurement.
+        """
         width, height = self.scene.resolution
         row, column = np.divmod(pixel, width)
-        return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]]).T
+        where = np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]])
+        if self.scene.measured is None:
+            return where.T, None
+        rows, columns = self.scene.measured.shape[1:3]
+        finer = columns / width
+        i, j = np.floor(where * finer)
+        centre = (np.stack([i, j]).T + 0.5) / finer
+        return centre, ((rows - 1 - j) * columns + i).astype(np.int64)
+
+    def _measured(self, surface: Surface, subpixel: Ints) -> Surface:
+        """Return `surface` with what is measured there, its normals among it."""
+        surface = replace(surface, subpixel=subpixel)
+        bent, normal = normalized(self.normals.at(surface)), surface.normal.copy(order="K")
+        rows = bent.any(axis=1)
+        normal[rows] = bent[rows]
+        return replace(surface, normal=normal)
 
     def _background(self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats) -> Floats:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""

@@ -32,7 +32,7 @@ class Unsupported:
     feature: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Closure:
     """A shader node that is more than Lambert.
 
@@ -63,8 +63,11 @@ class Material:
         where it varies.
     emission, emission_texture : (3,) radiance [W/(m² sr)], from both faces, and what varies.
     opaque : False where a shadow ray may pass in a way that is not known.
-    transmittance : (3,) share of the light that passes straight through.
+    transmittance, transmittance_texture : (3,) share of the light that passes straight through, and
+        what to add to it where it varies.
     closures : what else reflects or lets light through.
+    normal : what the shading normal is in place of the mesh's, of any length.
+    measured : whether it is known only where the camera looks first, through `Scene.measured`.
     unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
     emission_known : False when it emits in a way that is not known: points that it may reach are
         excluded.
@@ -79,11 +82,19 @@ class Material:
     unsupported: tuple[Unsupported, ...] = ()
     albedo_texture: Expression | None = None
     emission_texture: Expression | None = None
+    transmittance_texture: Expression | None = None
     closures: tuple[Closure, ...] = ()
+    normal: Expression | None = None
+    measured: bool = False
 
     @property
     def emits(self) -> bool:
         return self.emission_texture is not None or any(self.emission)
+
+    @property
+    def passes(self) -> bool:
+        """Whether light may pass it straight."""
+        return self.transmittance_texture is not None or any(self.transmittance)
 
 
 @dataclass(frozen=True)
@@ -232,6 +243,8 @@ class Scene:
     film_transparent : alpha is 0 where the world shows.
     luminance_weights : of the working space.
     transparent_max_bounces : surfaces that light passes straight through, as Cycles counts them.
+    measured : (slots, k height, k width, 3) what Blender's nodes give at the middle of each k-th of
+        a pixel, row 0 at the top; None where no material needs it. Rays then go through these.
     """
 
     file: str
@@ -254,6 +267,7 @@ class Scene:
     luminance_weights: tuple[float, float, float] = luminance_weights(REC709)
     blender_version: tuple[int, int, int] = (0, 0, 0)
     transparent_max_bounces: int = 8
+    measured: NDArray[np.float32] | None = None
     unknown_lights: tuple[Light, ...] = ()
     light_records: tuple[LightRecord, ...] = ()
     unsupported: tuple[Unsupported, ...] = ()

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,20 +39,38 @@ class Shading:
     def at(self, surface: Surface) -> Array:
         """Return the colours (n, 3) of points on surfaces."""
         found = pick(self._colours, surface.material)
-        for material, texture in self._textures.items():
-            own = np.flatnonzero(surface.material == material)
-            for index in np.unique(surface.instance.take(own)):
-                rows = own[surface.instance.take(own) == index]
-                instance = self._scene.instances[index]
-                context = context_on(
-                    self._scene.meshes[instance.mesh],
-                    instance,
-                    surface.triangle.take(rows) - self._geometry.first[index],
-                    np.stack([surface.u, surface.v])[:, rows],
-                    surface.incoming.take(rows, axis=0),
-                )
-                found[rows] += texture.rgb(context, len(rows))
+        every = contexts(self._scene, self._geometry, surface, self._textures)
+        for material, rows, context in every:
+            found[rows] += self._textures[material].rgb(context, len(rows))
         return found
+
+
+def contexts(
+    scene: Scene, geometry: Geometry, surface: Surface, materials: Iterable[int]
+) -> Iterator[tuple[int, Ints, Context]]:
+    """Yield each of `materials`, the points (k,) that it has on one instance, and their context."""
+    for material in materials:
+        own = np.flatnonzero(surface.material == material)
+        for index in np.unique(surface.instance.take(own)):
+            rows = own[surface.instance.take(own) == index]
+            instance = scene.instances[index]
+            context = context_on(
+                scene.meshes[instance.mesh],
+                instance,
+                surface.triangle.take(rows) - geometry.first[index],
+                np.stack([surface.u, surface.v])[:, rows],
+                surface.incoming.take(rows, axis=0),
+            )
+            context.normal = surface.normal.take(rows, axis=0)
+            if scene.measured is not None and surface.subpixel is not None:
+                table = scene.measured.reshape(len(scene.measured), -1, 3)
+                context.measured = partial(_looked_up, table, surface.subpixel.take(rows))
+            yield material, rows, context
+
+
+def _looked_up(table: NDArray[np.float32], points: Ints, slot: int) -> Array:
+    """Return the values (n, 3) of a slot at `points` (n,) of a table (slots, points, 3)."""
+    return table[slot].take(points, axis=0).astype(np.float64)
 
 
 def context_on(

@@ -46,6 +46,7 @@ class Surface:
     incoming : (n, 3) towards the viewer.
     epsilon : (n,) [bu] how far a ray's origin must leave the surface.
     cutoff : (n,) cosine below which the shadow terminator offset acts, 0 where it does not.
+    subpixel : (n,) index into the points of `Scene.measured`, None where nothing is measured.
     """
 
     point: Floats
@@ -59,6 +60,7 @@ class Surface:
     incoming: Floats
     epsilon: Floats
     cutoff: Floats
+    subpixel: Ints | None = None
 
 
 def dot(a: Floats, b: Floats) -> Floats:

@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from .rays import Caster
 from .scene import Scene
+from .shading import Shading
 from .surfaces import Geometry, Surface
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+CUTOFF = 1e-5  # what lets less pass than that lets nothing pass in Cycles
 
 
 def shaded_layers(scene: Scene) -> int:
@@ -30,15 +33,23 @@ class Transmission:
 
     def __init__(self, scene: Scene, geometry: Geometry, caster: Caster) -> None:
         self._geometry, self._caster = geometry, caster
-        self._share = np.array([m.transmittance for m in scene.materials]).reshape(-1, 3)
-        self._known = np.array([m.opaque for m in scene.materials], dtype=bool)
+        materials = scene.materials
+        self._share = Shading(
+            scene,
+            geometry,
+            [m.transmittance for m in materials],
+            [m.transmittance_texture for m in materials],
+        )
+        self._known = np.array([m.opaque for m in materials], dtype=bool)
         self._most = scene.transparent_max_bounces
         self._leaks = scene.blender_version < (5, 0) or self._most == 0
-        self.seen_through = bool(self._share.any())
+        self.seen_through = any(m.passes for m in materials)
 
     def at(self, surface: Surface) -> Floats:
         """Return the share (n, 3) of what lies behind that passes the surface."""
-        return self._share.take(surface.material, axis=0)
+        share = self._share.at(surface)
+        share[share.sum(axis=1) < 3.0 * CUTOFF] = 0.0
+        return share
 
     def along(
         self, origins: Floats, directions: Floats, reach: Floats, passed: int

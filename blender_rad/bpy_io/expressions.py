@@ -23,7 +23,7 @@ Known = dict[tuple[int, ...], Expression]
 IMAGES: WeakValueDictionary[tuple[str, int], Any] = WeakValueDictionary()  # pixels, of one reading
 
 TABLE = 256  # samples that Cycles takes of ramps and curves
-_NUMBERS = {"VALUE", "INT", "BOOLEAN"}
+NUMBERS = {"VALUE", "INT", "BOOLEAN"}
 _COPIED = {"BOOLEAN", "INT", "FLOAT", "ENUM"}
 _NAMES = {"uv_map", "layer_name", "attribute_name"}
 _LINEAR = {"Non-Color", "Linear Rec.709", "Raw", "Linear"}
@@ -121,9 +121,9 @@ def expression(socket: Any, groups: Groups = (), known: Known | None = None) -> 
 
 def _converted(found: Expression, kind: str, wanted: str) -> Expression:
     """Return the value of a socket of one type as a socket of another type has it."""
-    if (kind in _NUMBERS) == (wanted in _NUMBERS):
+    if (kind in NUMBERS) == (wanted in NUMBERS):
         return found
-    weights = (1.0,) if kind in _NUMBERS else _weights() if kind == "RGBA" else (1 / 3,) * 3
+    weights = (1.0,) if kind in NUMBERS else _weights() if kind == "RGBA" else (1 / 3,) * 3
     return Expression("CONVERT", settings={"weights": weights}, inputs={"a": found})
 
 

@@ -20,6 +20,7 @@ from .expressions import IMAGES
 from .lights import NOT_FINITE, light_record, linked
 from .materials import Shading, Surface, clay, full, surface_of
 from .meshes import box_mesh, read_mesh
+from .questions import Questions
 
 _BEFORE = "Generated coordinates, which are those before its modifiers"
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
@@ -62,6 +63,7 @@ class Reader:
     shading: Shading
     model: Model
     unit_scale_m: float
+    questions: Questions | None = None
     meshes: list[Mesh] = field(default_factory=list)
     materials: list[Material] = field(default_factory=list)
     instances: list[Instance] = field(default_factory=list)
@@ -218,8 +220,12 @@ class Reader:
     def _surface(self, block: Any | None) -> Surface:
         key = block.as_pointer() if block else 0
         if key not in self._surfaces:
-            surface = surface_of(block)
+            surface = surface_of(block, self.questions if self.shading == "full" else None)
             self._surfaces[key] = surface
+            if surface.asked:
+                names = ", ".join(surface.asked)
+                message = f"{len(surface.asked)} sockets measured through Cycles: {names}"
+                self.findings.append(Finding("measured", "info", surface.name, message))
             if self.shading == "clay" and surface.transmits:
                 message = "lets light pass; as clay it is opaque"
                 self.findings.append(Finding("clay-opaque", "warning", surface.name, message))

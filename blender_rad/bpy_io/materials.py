@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials: the closures that reach the surface output, in full or as clay."""
+"""Materials: the closures that reach the surface output, in full or as clay.
+
+Lambert, emission and what passes straight are kept as plain sums, everything else as closures for
+`bsdfs`. What a node tree gives that is not known here is asked of Blender where that helps: where
+the camera looks first.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,13 @@ from typing import Any, Literal
 
 import bpy
 
-from ..scene import CLAY_ALBEDO, Material, Unsupported
-from ..textures import Expression, constant
+from ..bsdfs import BSDFS
+from ..scene import CLAY_ALBEDO, Closure, Material, Unsupported
+from ..textures import Expression, constant, folded
 from . import nodes
-from .nodes import BLACK, Leaf, Triple
+from .expressions import plain_properties
+from .nodes import BLACK, Ask, Leaf, Triple
+from .questions import Asking, Questions
 
 Shading = Literal["full", "clay"]
 
@@ -19,10 +27,28 @@ DEFAULT_NAME = "(no material)"
 DEFAULT_ALBEDO = 0.8  # Cycles' surface for empty slots, up to Blender 4.5
 
 _TRANSPARENT = "ShaderNodeBsdfTransparent"
+_DIFFUSE = "ShaderNodeBsdfDiffuse"
 _ALWAYS_PASS = {"ShaderNodeBsdfRayPortal", "ShaderNodeScript"}
 _GLASS = {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"}
 _PRINCIPLED = "ShaderNodeBsdfPrincipled"
-_CLOSURE_CUTOFF = 1e-5  # alphas this near to 1 count as 1 in Cycles
+_BEYOND = ("Subsurface Weight", "Thin Film Thickness")  # what no closure here does, unless it is 0
+_LAYERS = (*_BEYOND, "Coat Weight", "Sheen Weight")  # what starts like them counts unless it is 0
+_LOOK_AT_BOUNDS = {
+    ("ShaderNodeTexCoord", "Generated"),
+    ("ShaderNodeNewGeometry", "Tangent"),
+    ("ShaderNodeTangent", "Tangent"),
+}
+_SHADING_NORMAL = Expression("ShaderNodeNewGeometry", "Normal")
+_OWN_TANGENT = Expression("ShaderNodeNewGeometry", "Tangent")
+_PRINCIPLED_DEFAULTS = {  # of the surface of empty slots from Blender 5 on
+    **dict.fromkeys(("Base Color",), 0.8),
+    **dict.fromkeys(("Roughness", "Specular IOR Level", "Sheen Roughness"), 0.5),
+    **dict.fromkeys(("IOR", "Coat IOR"), 1.5),
+    **dict.fromkeys(("Alpha", "Specular Tint", "Sheen Tint", "Coat Tint"), 1.0),
+    **dict.fromkeys(("Metallic", "Diffuse Roughness", "Anisotropic", "Anisotropic Rotation"), 0.0),
+    **dict.fromkeys(("Transmission Weight", "Coat Weight", "Sheen Weight", "Thin Wall"), 0.0),
+    "Coat Roughness": 0.03,
+}
 
 
 @dataclass(frozen=True)
@@ -38,10 +64,13 @@ class Surface:
     unknown_emission : what emits in a way that is not known; empty when nothing does.
     unknown_volume_emission : the same for the volume.
     features : closures and settings that are not Lambert.
-    transmittance : (3,) what passes it straight, as far as it is constant.
+    transmittance, transmittance_texture : (3,) what passes it straight, and what of that varies.
     passes_shadow : whether shadow rays pass it in a way that is not known.
     transmits : whether light may pass it, in whatever way: what clay closes.
     subsurface, displaced : whether Cycles leaves the normals in object space for it.
+    closures : what reflects or lets through, and is not Lambert.
+    normal : what the shading normal is, where displacement bends it.
+    asked : sockets whose values Blender is asked for.
     """
 
     name: str
@@ -58,12 +87,19 @@ class Surface:
     displaced: bool = False
     albedo_texture: Expression | None = None
     emission_texture: Expression | None = None
+    transmittance_texture: Expression | None = None
+    closures: tuple[Closure, ...] = ()
+    normal: Expression | None = None
+    asked: tuple[str, ...] = ()
 
     @property
     def generated(self) -> bool:
         """Whether it looks at Generated coordinates."""
-        textures = filter(None, (self.albedo_texture, self.emission_texture))
-        return any(("ShaderNodeTexCoord", "Generated") in each.kinds for each in textures)
+        textures = [self.albedo_texture, self.emission_texture, self.transmittance_texture]
+        for closure in self.closures:
+            textures += [closure.weight, *closure.inputs.values(), closure.normal, closure.tangent]
+        kinds = {kind for each in textures if each for kind in each.kinds}
+        return not kinds.isdisjoint(_LOOK_AT_BOUNDS)
 
     @property
     def may_emit(self) -> bool:
@@ -90,6 +126,10 @@ def full(surface: Surface) -> Material:
         emission_texture=surface.emission_texture,
         opaque=not surface.passes_shadow,
         transmittance=surface.transmittance,
+        transmittance_texture=surface.transmittance_texture,
+        closures=surface.closures,
+        normal=surface.normal,
+        measured=bool(surface.asked),
         emission_known=not emission,
         unsupported=tuple(Unsupported("material", surface.name, f) for f in features),
     )
@@ -112,8 +152,11 @@ def clay(surface: Surface) -> Material:
     )
 
 
-def surface_of(bl_material: Any | None) -> Surface:
-    """Return what reaches the output of a material that Cycles would use."""
+def surface_of(bl_material: Any | None, questions: Questions | None = None) -> Surface:
+    """Return what reaches the output of a material that Cycles would use.
+
+    `questions` notes what Blender is to be asked; None asks it nothing.
+    """
     if bl_material is None:
         return _empty_slot()
     if not nodes.uses_nodes(bl_material):
@@ -122,32 +165,42 @@ def surface_of(bl_material: Any | None) -> Surface:
     output = bl_material.node_tree.get_output_node("CYCLES")
     if output is None:
         return Surface(bl_material.name)
-    return _from_output(bl_material, output)
+    return _from_output(bl_material, output, questions and questions.about(bl_material))
 
 
 def _empty_slot() -> Surface:
-    if bpy.app.version >= (5, 0):
-        return Surface(DEFAULT_NAME, reflects=True, features=("Principled BSDF (default)",))
-    return Surface(DEFAULT_NAME, albedo=nodes.grey(DEFAULT_ALBEDO), reflects=True)
+    if bpy.app.version < (5, 0):
+        return Surface(DEFAULT_NAME, albedo=nodes.grey(DEFAULT_ALBEDO), reflects=True)
+    inputs = {name: constant(value) for name, value in _PRINCIPLED_DEFAULTS.items()}
+    inputs["Coat Normal"] = _SHADING_NORMAL
+    settings = {"distribution": "MULTI_GGX"}
+    plain = Closure(_PRINCIPLED, nodes.WHOLE, inputs, settings)
+    if _PRINCIPLED in BSDFS:
+        return Surface(DEFAULT_NAME, reflects=True, closures=(plain,))
+    return Surface(DEFAULT_NAME, reflects=True, features=("Principled BSDF (default)",))
 
 
-def _from_output(bl_material: Any, output: Any) -> Surface:
-    closures = list(nodes.leaves(output.inputs["Surface"]))
+def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
+    closures = list(nodes.leaves(output.inputs["Surface"], ask=ask))
     volume = list(nodes.leaves(output.inputs["Volume"]))
-    bumped = nodes.source(output.inputs["Displacement"]).output is not None
-    displaced = bumped and bl_material.displacement_method != "BUMP"
+    height = nodes.source(output.inputs["Displacement"]).output is not None
+    displaced = height and bl_material.displacement_method != "BUMP"
+    normal = ask.normal() if ask and height and not displaced else None
     others = [leaf for leaf in closures if leaf.node.bl_idname != "ShaderNodeEmission"]
-    lambert = [(leaf, _lambert(leaf)) for leaf in others]
+    corrected = getattr(bl_material.cycles, "use_bump_map_correction", True)
+    shaded = [_shaded(leaf, corrected, ask) for leaf in others]
     glowing = [(leaf, _emission(leaf)) for leaf in closures]
     unknown = [nodes.feature(leaf) for leaf, rgb in glowing if rgb is None]
-    features = [nodes.feature(leaf) for leaf, rgb in lambert if rgb is None]
+    features = [each for each in shaded if isinstance(each, str)]
     features += ["Volume"] * bool(volume)
-    features += ["Displacement" if displaced else "Bump from displacement"] * bumped
+    features += ["Displacement"] * displaced
+    features += ["Bump from displacement"] * (height and not displaced and normal is None)
     passing = [_transmittance(leaf) for leaf in closures]
-    passes = any(rgb != BLACK for rgb in passing)
+    passes = any(rgb is None or not nodes.is_zero(rgb) for rgb in passing)
     half = passes and not bl_material.use_transparent_shadow  # Cycles' BSDF sampling sees through
-    albedo, albedo_texture = nodes.split(rgb for _, rgb in lambert if rgb)
+    albedo, albedo_texture = nodes.split(each for each in shaded if isinstance(each, Expression))
     emission, emission_texture = nodes.split(rgb for _, rgb in glowing if rgb)
+    transmittance, transmittance_texture = nodes.split(rgb for rgb in passing if rgb)
     return Surface(
         name=bl_material.name,
         albedo=albedo,
@@ -158,24 +211,59 @@ def _from_output(bl_material: Any, output: Any) -> Surface:
         unknown_emission=f"Emission of {unknown[0]}" if unknown else "",
         unknown_volume_emission="Volume emission" if any(map(_volume_emits, volume)) else "",
         features=tuple(features),
-        transmittance=nodes.total(rgb for rgb in passing if rgb),
+        transmittance=transmittance,
+        transmittance_texture=transmittance_texture,
         passes_shadow=None in passing or half or bool(volume) or displaced,
         transmits=passes or bool(volume) or any(map(_is_glass, closures)),
         subsurface=any(map(_subsurface, closures)),
         displaced=displaced,
+        closures=tuple(each for each in shaded if isinstance(each, Closure)),
+        normal=normal,
+        asked=tuple(ask.names) if ask else (),
     )
 
 
-def _lambert(leaf: Leaf) -> Expression | None:
-    """Return the albedo of a plain Diffuse BSDF, None for what is not known."""
-    if leaf.node.bl_idname == _TRANSPARENT and _transmittance(leaf) is not None:
+def _shaded(leaf: Leaf, corrected: bool, ask: Ask | None) -> Expression | Closure | str:
+    """Return what a leaf does: an albedo, a closure, or what is not known of it."""
+    node, kind = leaf.node, leaf.node.bl_idname
+    beyond = [name for name in _BEYOND if nodes.input_number(leaf, name) != 0.0]
+    if leaf.weight is None or beyond or _transmittance(leaf) is None:
+        return " ".join((nodes.feature(leaf), *beyond))
+    if kind == _TRANSPARENT:
         return nodes.NOTHING
-    if leaf.node.bl_idname != "ShaderNodeBsdfDiffuse" or leaf.weight is None:
-        return None
-    rgb = nodes.read(leaf.node.inputs["Color"], leaf.groups)
-    rough = nodes.input_number(leaf, "Roughness")
-    tilted = nodes.source(leaf.node.inputs["Normal"], leaf.groups).output is not None
-    return None if rgb is None or rough != 0.0 or tilted else leaf.weight * rgb
+    tilted = "Normal" in node.inputs and nodes.source(node.inputs["Normal"], leaf.groups).output
+    if kind == _DIFFUSE and not tilted and nodes.input_number(leaf, "Roughness") == 0.0:
+        rgb = nodes.read(node.inputs["Color"], leaf.groups, ask)
+        return nodes.feature(leaf) if rgb is None else leaf.weight * rgb
+    bare = {nodes.input_number(leaf, n) for n in ("Anisotropic", "Anisotropy")} == {0.0}
+    sockets = [s for s in node.inputs if s.enabled and not (bare and s.name == "Tangent")]
+    inputs = {socket.name: _input(leaf, socket, ask) for socket in sockets}
+    if kind not in BSDFS or None in inputs.values():
+        return nodes.feature(leaf)
+    known = {name: each for name, each in inputs.items() if each is not None}
+    return Closure(
+        kind=kind,
+        weight=leaf.weight,
+        normal=known.pop("Normal", None) if tilted else None,
+        tangent=known.pop("Tangent", None),
+        inputs=known,
+        settings=plain_properties(node) | {"use_bump_map_correction": corrected},
+    )
+
+
+def _input(leaf: Leaf, socket: Any, ask: Ask | None) -> Expression | None:
+    """Return the value of a closure's socket; what cannot count is not followed."""
+    linked = nodes.source(socket, leaf.groups).output is not None
+    layers = [n for n in _LAYERS if socket.name.startswith(n.rsplit(" ", 1)[0])]
+    idle = any(nodes.input_number(leaf, layer) == 0.0 for layer in layers)
+    if idle or socket.name.startswith("Emission"):
+        value = socket.default_value
+        return constant(value if isinstance(value, int | float) else tuple(value)[:3])
+    if not linked and socket.name in {"Normal", "Coat Normal"}:
+        return _SHADING_NORMAL
+    if not linked and socket.name == "Tangent":
+        return _OWN_TANGENT
+    return nodes.read(socket, leaf.groups, ask)
 
 
 def _emission(leaf: Leaf) -> Expression | None:
@@ -189,30 +277,32 @@ def _emission(leaf: Leaf) -> Expression | None:
         return nodes.NOTHING
     rgb = nodes.leaf_emission(leaf, "Emission Strength", "Emission Color")
     layers = [nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")]
-    alpha = nodes.input_number(leaf, "Alpha", 1.0)
+    alpha = _clipped(nodes.read(leaf.node.inputs["Alpha"], leaf.groups))
     if rgb is None or nodes.is_zero(rgb):
         return rgb
-    if alpha is None or layers != [0.0, 0.0]:
-        return None
-    return rgb * constant(min(max(alpha, 0.0), 1.0))
+    return None if alpha is None or layers != [0.0, 0.0] else rgb * alpha
 
 
-def _transmittance(leaf: Leaf) -> Triple | None:
-    """Return what the closure lets pass straight, None where that is not constant."""
+def _transmittance(leaf: Leaf) -> Expression | None:
+    """Return what the closure lets pass straight, None where that is not known."""
     kind = leaf.node.bl_idname
+    if kind in _ALWAYS_PASS:
+        return None
     if kind == _TRANSPARENT:
-        rgb = nodes.colour(leaf.node.inputs["Color"], leaf.groups)
+        rgb = nodes.read(leaf.node.inputs["Color"], leaf.groups)
     elif kind == _PRINCIPLED:
-        alpha = nodes.input_number(leaf, "Alpha", 1.0)
+        alpha = _clipped(nodes.read(leaf.node.inputs["Alpha"], leaf.groups))
         thin = nodes.input_number(leaf, "Thin Wall") != 0.0 and _is_glass(leaf)
-        rgb = None if alpha is None or thin else nodes.grey(1.0 - min(max(alpha, 0.0), 1.0))
+        rgb = None if alpha is None or thin else alpha * constant(-1.0) + nodes.WHOLE
     else:
-        rgb = None if kind in _ALWAYS_PASS else BLACK
-    share = leaf.share
-    if rgb is None or share is None:
-        return rgb if rgb == BLACK else None
-    rgb = nodes.scaled(rgb, share)
-    return rgb if sum(rgb) >= 3.0 * _CLOSURE_CUTOFF else BLACK
+        return nodes.NOTHING
+    if rgb is None or nodes.is_zero(rgb):
+        return rgb
+    return None if leaf.everywhere is None else leaf.everywhere * rgb
+
+
+def _clipped(value: Expression | None) -> Expression | None:
+    return value and folded(Expression("CLIP", inputs={"a": value}))
 
 
 def _is_glass(leaf: Leaf) -> bool:

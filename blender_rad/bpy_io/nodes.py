@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import bpy
@@ -17,6 +17,7 @@ from .expressions import Groups, UnknownNodeError, expression, source
 Triple = tuple[float, float, float]
 BLACK: Triple = (0.0, 0.0, 0.0)
 Weight = Expression | None
+Ask = Callable[[Any, Groups], Expression | None]  # Blender for a socket's value, None for no way
 WHOLE, NOTHING = constant(1.0), constant(0.0)
 
 
@@ -33,13 +34,18 @@ class Leaf(NamedTuple):
         value = self.weight and self.weight.value
         return None if value is None else float(value[0, 0])
 
+    @property
+    def everywhere(self) -> Weight:
+        """The factor, None also where it is known only in view."""
+        return None if self.weight and self.weight.measured else self.weight
 
-def read(socket: Any, groups: Groups = ()) -> Expression | None:
+
+def read(socket: Any, groups: Groups = (), ask: Ask | None = None) -> Expression | None:
     """Return what computes the value that `socket` gets, None where a node is not known."""
     try:
         return expression(socket, groups)
     except UnknownNodeError:
-        return None
+        return ask(socket, groups) if ask else None
 
 
 def number(socket: Any, groups: Groups = ()) -> float | None:
@@ -59,7 +65,9 @@ def _constant(socket: Any, groups: Groups) -> NDArray[np.float64] | None:
     return found and found.value
 
 
-def leaves(socket: Any, groups: Groups = (), weight: Weight = WHOLE) -> Iterator[Leaf]:
+def leaves(
+    socket: Any, groups: Groups = (), weight: Weight = WHOLE, ask: Ask | None = None
+) -> Iterator[Leaf]:
     """Yield the closures behind `socket`; branches that a constant factor of 0 or 1 cuts are out.
 
     Add Shader adds; Mix Shader weighs with its factor clipped to [0, 1], as Cycles does.
@@ -70,15 +78,15 @@ def leaves(socket: Any, groups: Groups = (), weight: Weight = WHOLE) -> Iterator
     node = output.node
     if node.bl_idname == "ShaderNodeAddShader":
         for branch in node.inputs:
-            yield from leaves(branch, groups, weight)
+            yield from leaves(branch, groups, weight, ask)
     elif node.bl_idname == "ShaderNodeMixShader":
-        factor = read(node.inputs[0], groups)
+        factor = read(node.inputs[0], groups, ask)
         second = factor and folded(Expression("CLIP", inputs={"a": factor}))
         first = second and second * constant(-1.0) + WHOLE
         for branch, share in ((node.inputs[1], first), (node.inputs[2], second)):
             product = share and weight and weight * share
             if not is_zero(product):
-                yield from leaves(branch, groups, product)
+                yield from leaves(branch, groups, product, ask)
     else:
         yield Leaf(node, weight, groups)
 
@@ -101,25 +109,13 @@ def leaf_emission(leaf: Leaf, strength: str = "Strength", tint: str = "Color") -
     power, rgb = (read(leaf.node.inputs[name], leaf.groups) for name in (strength, tint))
     if is_zero(power) or is_zero(rgb):
         return NOTHING
-    if power is None or rgb is None or leaf.weight is None:
-        return None
-    return leaf.weight * power * rgb
+    weight = leaf.everywhere
+    return None if power is None or rgb is None or weight is None else weight * power * rgb
 
 
 def grey(value: float) -> Triple:
     """Return `value` in all three channels."""
     return (value, value, value)
-
-
-def scaled(rgb: Triple, factor: float) -> Triple:
-    """Return a colour times a number."""
-    return (factor * rgb[0], factor * rgb[1], factor * rgb[2])
-
-
-def total(parts: Iterable[Triple]) -> Triple:
-    """Return the sum of colours."""
-    red, green, blue = zip(BLACK, *parts, strict=True)
-    return (sum(red), sum(green), sum(blue))
 
 
 def triple(value: NDArray[np.float64]) -> Triple:

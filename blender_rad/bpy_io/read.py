@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,20 +19,35 @@ from ..working_space import WORKING_SPACES, luminance_weights
 from .cameras import read_camera
 from .instances import Reader, blender_version
 from .materials import Shading
+from .measuring import measure
 from .open import SOURCE_KEY, file_findings
+from .questions import Questions
 from .session import in_render
 from .world import read_maps, read_world, shown_world
 
 
-def read_scene(bl_scene: Any, *, maps: tuple[SkyMap, ...] | None = None, **options: Any) -> Scene:
+def read_scene(
+    bl_scene: Any,
+    *,
+    maps: tuple[SkyMap, ...] | None = None,
+    ask: bool = False,
+    **options: Any,
+) -> Scene:
     """Return the scene as it renders at its current frame, in its first view layer in use.
 
     `bl_scene` is a bpy.types.Scene; nothing in it is changed. `options` are `read_depsgraph`'s,
-    `maps` those of an earlier reading.
+    `maps` those of an earlier reading. With `ask` Blender gives what nodes that are not known here
+    compute in view: for pictures of this camera, in focus.
     """
     layer = next((layer for layer in bl_scene.view_layers if layer.use), bl_scene.view_layers[0])
     maps = read_maps(bl_scene, layer) if maps is None else maps
-    return in_render(bl_scene, layer.name, partial(read_depsgraph, maps=maps, **options))
+    camera = bl_scene.camera
+    questions = Questions() if ask and camera and not camera.data.dof.use_dof else None
+    read = partial(read_depsgraph, maps=maps, questions=questions, **options)
+    scene = in_render(bl_scene, layer.name, read)
+    if questions is None:
+        return scene
+    return replace(scene, measured=measure(bl_scene, questions, scene.resolution))
 
 
 def read_depsgraph(
@@ -41,6 +57,7 @@ def read_depsgraph(
     model: Model = "cycles",
     resolution: tuple[int, int] | None = None,
     maps: tuple[SkyMap, ...] = (),
+    questions: Questions | None = None,
 ) -> Scene:
     """Return the scene of a render depsgraph, such as a render engine is given.
 
@@ -50,12 +67,13 @@ def read_depsgraph(
     model : what the lights' numbers mean.
     resolution : (width, height) in pixels in place of the scene's own.
     maps : of its world, measured before: a render cannot start another.
+    questions : gathers what Blender is to be asked after it.
     """
     bl_scene = depsgraph.scene
     render = bl_scene.render
     layer = depsgraph.view_layer
     unit_scale_m = unit_scale(bl_scene)
-    reader = Reader(depsgraph, shading, model, unit_scale_m)
+    reader = Reader(depsgraph, shading, model, unit_scale_m, questions)
     reader.read()
     size = resolution or frame_size(render)
     camera = bl_scene.camera and read_camera(bl_scene.camera, render, size)

@@ -240,18 +240,32 @@ class CyclesWitness:
         KeyboardInterrupt
             After the picture in work: Cycles cannot be stopped from outside in the background.
         """
+        channels = self._channels(seed, samples, progress)
+        picture = np.stack([channels[name] for name in "RGBA"], axis=-1)
+        if not picture.any() and not self.bl_scene.render.film_transparent:
+            where = f"scene {self.bl_scene.name!r}"
+            expected = "expected some alpha at least; is there memory for it?"
+            raise RadError("Cycles gave an empty picture", where, expected)
+        return picture
+
+    def layers(self) -> dict[str, NDArray[np.float32]]:
+        """Return all passes of one sample a pixel by name, such as "View layer.Depth.V"."""
+        output = self.bl_scene.render.image_settings
+        if hasattr(output, "media_type"):  # from Blender 5
+            output.media_type = 'MULTI_LAYER_IMAGE'
+        output.file_format = 'OPEN_EXR_MULTILAYER'
+        return self._channels(0, 1)
+
+    def _channels(
+        self, seed: int, samples: int, progress: Progress | None = None
+    ) -> dict[str, NDArray[np.float32]]:
         self.bl_scene.cycles.seed, self.bl_scene.cycles.samples = seed, samples
         self.bl_scene.update_tag()
         with tempfile.TemporaryDirectory() as folder, interrupt_later(), _progress(progress):
             file = Path(folder) / "witness.exr"
             with quiet_stdout():
                 self._render_to(file)
-            picture = _read(file)
-        if not picture.any() and not self.bl_scene.render.film_transparent:
-            where = f"scene {self.bl_scene.name!r}"
-            expected = "expected some alpha at least; is there memory for it?"
-            raise RadError("Cycles gave an empty picture", where, expected)
-        return picture
+            return _read(file)
 
     def _render_to(self, file: Path) -> None:
         where, handlers = f"scene {self.bl_scene.name!r}", bpy.app.handlers.render_complete
@@ -270,12 +284,13 @@ class CyclesWitness:
         result.save_render(str(file), scene=self.bl_scene)
 
 
-def _read(file: Path) -> NDArray[np.float32]:
+def _read(file: Path) -> dict[str, NDArray[np.float32]]:
+    """Return the channels (h, w) of all parts of a file by name."""
     import OpenEXR
 
     with OpenEXR.File(str(file), separate_channels=True) as exr:
-        channels = exr.channels()
-        return np.stack([channels[name].pixels for name in "RGBA"], axis=-1)
+        found = [pair for part in exr.parts for pair in part.channels.items()]
+        return {name: channel.pixels.copy() for name, channel in found}
 
 
 @contextmanager

@@ -97,5 +97,5 @@ class PictureCommand(EngineCommand):
     def read(
         self, frame: int | None, *, need_camera: bool = True, **options: Any
     ) -> tuple[Any, Scene]:
-        own = {"shading": self.shading, "resolution": self.resolution}
+        own = {"shading": self.shading, "resolution": self.resolution, "ask": True}
         return super().read(frame, need_camera=need_camera, **own, **options)

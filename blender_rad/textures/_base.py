@@ -40,6 +40,7 @@ class Context:
     parametric : (n, 3) barycentric (first corner, second corner, 0); of lights their UV.
     object_from_world : (4, 4).
     attribute : gives (n, k) by name, None where there is none such.
+    measured : gives (n, 3) by slot: what Blender was asked, see `bpy_io.measuring`.
     """
 
     position: Array = field(default_factory=ZERO.copy)
@@ -51,6 +52,7 @@ class Context:
     parametric: Array = field(default_factory=ZERO.copy)
     object_from_world: Array = field(default_factory=lambda: np.eye(4))
     attribute: Callable[[str], Array | None] = lambda name: None
+    measured: Callable[[int], Array] = lambda slot: ZERO
     known: dict[int, Array] = field(default_factory=dict[int, Array])
 
 
@@ -109,6 +111,11 @@ class Expression:
     @cached_property
     def _varies(self) -> bool:
         return self.kind in SOURCES or any(each._varies for each in self.inputs.values())
+
+    @property
+    def measured(self) -> bool:
+        """Whether it is known only where the camera looks first."""
+        return any(kind == "MEASURED" for kind, _ in self.kinds)
 
     @cached_property
     def kinds(self) -> frozenset[tuple[str, str]]:

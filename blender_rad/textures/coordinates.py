@@ -41,6 +41,12 @@ def _texture_coordinate(call: Call) -> Array:
             return _moved(inverse, context.position)
 
 
+@SOURCES.register("MEASURED")
+def _measured(call: Call) -> Array:
+    """Return what Blender says, `width` 1 or 3 wide, of the socket in a `slot`."""
+    return call.context.measured(call.settings["slot"])[:, : call.settings["width"]]
+
+
 @SOURCES.register("ShaderNodeUVMap")
 def _uv_map(call: Call) -> Array:
     return _attribute(call.context, call.settings["uv_map"])

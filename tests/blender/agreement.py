@@ -63,7 +63,7 @@ def both_sides(
     samples: int = 64,
 ) -> Sides:
     """Render the open scene with both, with fixed samples a pixel."""
-    scene = read_scene(bpy.context.scene, shading=shading, resolution=size)
+    scene = read_scene(bpy.context.scene, shading=shading, resolution=size, ask=True)
     film = render(scene, Settings(samples=ours, threads=2))
     witness = CyclesWitness(bpy.context.scene, resolution=size, shading=shading, threads=2)
     witness.prepare()

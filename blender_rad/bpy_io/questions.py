@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sockets behind nodes that are not known here: what Blender is to be asked, a slot each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..textures import Expression
+from .expressions import NUMBERS, Groups
+
+Place = tuple[tuple[str, ...], str, str]  # names of the group nodes and the node, and the socket
+NORMAL: Place = ((), "", "Normal")  # the shading normal, as displacement bends it
+
+
+@dataclass
+class Asking:
+    """What is asked of one material.
+
+    Attributes
+    ----------
+    slots : by place.
+    names : of the sockets, for people.
+    """
+
+    bl_material: Any
+    slots: dict[Place, int] = field(default_factory=dict[Place, int])
+    names: list[str] = field(default_factory=list[str])
+
+    def __call__(self, socket: Any, groups: Groups) -> Expression:
+        """Return what stands for the value that a socket gets."""
+        place = tuple(group.name for group in groups), socket.node.name, socket.identifier
+        width = 1 if socket.type in NUMBERS else 3
+        return self._slot(place, f"{socket.name} of {socket.node.name}", width)
+
+    def normal(self) -> Expression:
+        """Return what stands for the shading normal."""
+        return self._slot(NORMAL, "Bump from displacement", 3)
+
+    def _slot(self, place: Place, name: str, width: int) -> Expression:
+        if place not in self.slots:
+            self.slots[place] = len(self.slots)
+            self.names.append(name)
+        return Expression("MEASURED", settings={"slot": self.slots[place], "width": width})
+
+
+@dataclass
+class Questions:
+    """What is asked of all materials of a scene."""
+
+    materials: list[Asking] = field(default_factory=list[Asking])
+
+    def about(self, bl_material: Any) -> Asking:
+        """Return what gathers the questions about a material, evaluated or not."""
+        self.materials.append(Asking(bl_material.original))
+        return self.materials[-1]
