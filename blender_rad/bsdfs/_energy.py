@@ -113,7 +113,7 @@ def remapped(node: int) -> Tables:
     return _tables(16, term, (2584, 1597))
 
 
-def _looked_up(table: Array, *at: Array) -> Array:
+def looked_up(table: Array, *at: Array) -> Array:
     """Return a table's values (n,), linear between nodes over [0, 1] in each coordinate (n,)."""
     places = [np.clip(x, 0.0, 1.0) * (size - 1) for x, size in zip(at, table.shape, strict=True)]
     low = [np.minimum(x.astype(np.int64), n - 2) for x, n in zip(places, table.shape, strict=True)]
@@ -131,7 +131,7 @@ def _by_index(tables: Callable[[int], Array], ior: Array, *at: Array) -> Array:
     for node in np.unique([np.floor(place), np.ceil(place)]).astype(int):
         rows = np.flatnonzero(np.abs(place - node) < 1.0)
         share = 1.0 - np.abs(place[rows] - node)
-        found[rows] += share * _looked_up(tables(node), *(x[rows] for x in at))
+        found[rows] += share * looked_up(tables(node), *(x[rows] for x in at))
     return found
 
 
@@ -140,7 +140,7 @@ def albedos(cosine: Array, alpha: Array, ior: Array | None = None) -> tuple[Arra
     rough = np.sqrt(alpha)
     if ior is None:
         single, mean = reflecting()
-        return _looked_up(single, rough, cosine), _looked_up(mean, rough)
+        return looked_up(single, rough, cosine), looked_up(mean, rough)
     single = _by_index(lambda z: clear(z)[0], ior, rough, cosine)
     return single, _by_index(lambda z: clear(z)[1], ior, rough)
 
