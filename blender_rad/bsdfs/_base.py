@@ -21,6 +21,7 @@ from ..registry import Registry
 Array = NDArray[np.float64]
 T = TypeVar("T")
 TINY = 1e-300
+UNKNOWN = 0.02  # albedos are approximate: a lobe that may be there must be sampled
 
 
 def dot(a: Array, b: Array) -> Array:
@@ -204,7 +205,8 @@ class Mixture:
     @classmethod
     def of(cls, parts: Sequence[Lobe]) -> Mixture:
         """Return the sum of lobes, at least one."""
-        size = [np.mean(np.abs(part.weight * part.albedo()), axis=1) for part in parts]
+        known = [part.weight * np.maximum(part.albedo(), UNKNOWN) for part in parts]
+        size = [np.mean(np.abs(each), axis=1) for each in known]
         strength = np.stack(size)
         total = strength.sum(axis=0)
         even = np.full_like(strength, 1.0 / len(parts))

@@ -142,6 +142,8 @@ def cases() -> Iterator[object]:
         count = len(cls.examples(*Case(cls, 0, 1.0).wo(1)))
         for k in range(-1 if count > 1 else 0, count):
             for name, cosine in COSINES.items():
+                if k < 0 and cosine > 0.5:
+                    continue
                 yield pytest.param(Case(cls, k, cosine), id=f"{cls.__name__}-{k}-{name}")
 
 
@@ -195,10 +197,10 @@ def normal_deviate(chi_squared: float, degrees: int) -> float:
 
 @pytest.mark.parametrize("cls", lobe_classes())
 def test_lobes_are_reciprocal_finite_and_sliced(cls: type[Lobe], rng: np.random.Generator) -> None:
-    n = 4000
+    n = 2000
     frame, back = frame_of(n), frame_of(n, flipped=cls.transmits)
     a, b = (directions(np.sqrt(rng.random(n)), 6.283 * rng.random(n), f) for f in (frame, back))
-    rows = rng.permutation(n)[:700]
+    rows = rng.permutation(n)[:300]
     u = rng.random((n, 2))
     for there, again in zip(cls.examples(a, frame), cls.examples(b, back), strict=True):
         whole, whole_density = there.evaluate(b)
@@ -220,7 +222,7 @@ def test_lobes_are_reciprocal_finite_and_sliced(cls: type[Lobe], rng: np.random.
 def test_lobes_are_finite_everywhere(
     cls: type[Lobe], cosine: float, rng: np.random.Generator
 ) -> None:
-    n = 512
+    n = 64
     wo, frame = Case(cls, 0, cosine).wo(n)
     mirrored = 2.0 * np.sum(wo * frame.z, axis=1)[:, None] * frame.z - wo
     edge = rng.choice([0.0, 1e-300, 1e-12, 1e-4, -1e-12], n)
