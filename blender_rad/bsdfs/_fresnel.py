@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._base import Array
 
@@ -144,7 +145,7 @@ class Conductor:
     exact : False for q = η.
     """
 
-    index: Array
+    index: NDArray[np.complex128]
     exact: bool = True
 
     def reflectance(self, cosine: Array) -> Array:

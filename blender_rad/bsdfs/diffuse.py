@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Diffuse BSDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ._base import BSDFS, Frame, Inputs, Lobe
+from ._diffuse import Diffuse
+
+
+@BSDFS.register("ShaderNodeBsdfDiffuse")
+def diffuse(inputs: Inputs) -> Sequence[Lobe]:
+    """Return the lobe of a Diffuse BSDF."""
+    colour, rough = inputs.colour("Color"), np.clip(inputs.number("Roughness"), 0.0, 1.0)
+    frame, tint = Frame.around(inputs.normal), np.clip(colour, 0.0, 1.0)
+    return [Diffuse(inputs.weight * colour, frame, inputs.wo, rough, tint)]
