@@ -17,7 +17,7 @@ COSINES = {"normal": 1.0, "steep": 0.75, "slant": 0.3, "grazing": 0.02}
 RINGS, SECTORS = 20, 12
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 DEPTH, FINE = 6, 1e-5  # how often cells are halved, unless that changes less
-SAMPLES, PILOT = 20_000, 4000
+SAMPLES, PILOT = 16_000, 2000
 LEAST = 10.0  # samples expected in a cell that is judged by itself
 SIGMAS = 4.3  # one in 100 000, of about a thousand comparisons; all seeds are fixed
 QUADRATURE = 0.01  # error of the whole, for the tests to mean something
@@ -89,7 +89,7 @@ class Sphere:
 
     def counts(self, samples: Array) -> Array:
         """Return how many samples are in each cell, flat."""
-        x, y, z = Frame.around(np.tile(self.axis, (len(samples), 1))).local(samples).T
+        x, y, z = Frame.around(self.axis[None]).local(samples).T
         theta, phi = np.arccos(np.clip(z, -1.0, 1.0)), np.arctan2(y, x) % (2.0 * np.pi)
         return np.histogram2d(theta, phi, [self.edges, self.sectors])[0].ravel()
 
@@ -130,7 +130,7 @@ class Sphere:
             low[k][:, None] + (high - low)[k][:, None] * (0.5 + 0.5 * NODES) for k in (0, 1)
         )
         theta, phi = np.broadcast_arrays(theta[:, :, None], phi[:, None, :])
-        frame = Frame.around(np.tile(self.axis, (theta.size, 1)))
+        frame = Frame.around(self.axis[None])
         values = function(directions(np.cos(theta).ravel(), phi.ravel(), frame))
         values = values.reshape(*theta.shape, -1) * np.sin(theta)[..., None]
         area = 0.25 * np.prod(high - low, axis=0)
