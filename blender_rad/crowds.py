@@ -272,7 +272,7 @@ def gathered(light: DirectLight, scene: Scene, camera: Camera, *, per_light: boo
     With `per_light`, names with at least `MATTERS` of the light keep a layer, and the other lights
     share the layer `REST`.
     """
-    many = [e for e in light.emitters if _can_join(e)]
+    many = [e for e in light.emitters if _can_join(e) and e.light.name not in scene.linking]
     if len(many) <= FEW:
         return light
     surface = _seen_points(light, scene, camera)
@@ -403,7 +403,8 @@ def _sampled(  # noqa: PLR0917
 
 def _taken(surface: Surface, rows: Ints) -> Surface:
     """Return `rows` of the surface."""
-    return Surface(*(getattr(surface, field.name)[rows] for field in fields(surface)))
+    every: list[Any] = [getattr(surface, field.name) for field in fields(surface)]
+    return Surface(*(None if each is None else each[rows] for each in every))
 
 
 def _luminance(sample: LightSample) -> Floats:

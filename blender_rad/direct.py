@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from .crowds import Crowd
 from .emitters import Emitter, emitters
 from .lights import LightSample
+from .linking import Links
 from .rays import Caster
 from .scene import Scene, Unsupported
 from .surfaces import Geometry, Surface, dot, pick
@@ -46,8 +47,8 @@ class Visibility:
     Attributes
     ----------
     camera : what camera rays hit.
-    opaque : what stops shadow rays for certain.
-    passing : what may let some of their light pass.
+    opaque, stopping : what stops shadow rays for certain, and which instances these are.
+    passing, letting : what may let some of their light pass.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -55,13 +56,13 @@ class Visibility:
         instances = scene.instances
         solid = [k for k, i in enumerate(instances) if len(scene.meshes[i.mesh].triangles)]
         shadowing = [k for k in solid if instances[k].visible_shadow]
-        opaque = [k for k in shadowing if self._stops_light(k)]
-        passing = [k for k in shadowing if not self._stops_light(k)]
+        self.stopping = [k for k in shadowing if self._stops_light(k)]
+        self.letting = [k for k in shadowing if not self._stops_light(k)]
         seen = [k for k in solid if instances[k].visible_camera]
         self.camera = Caster(scene.meshes, instances, seen)
-        alike = seen == opaque
-        self.opaque = self.camera if alike else Caster(scene.meshes, instances, opaque)
-        self.passing = Caster(scene.meshes, instances, passing)
+        alike = seen == self.stopping
+        self.opaque = self.camera if alike else Caster(scene.meshes, instances, self.stopping)
+        self.passing = Caster(scene.meshes, instances, self.letting)
 
     def _stops_light(self, instance: int) -> bool:
         materials = [self._scene.materials[m] for m in self._scene.instances[instance].materials]
@@ -163,6 +164,7 @@ class DirectLight:
         self.geometry = Geometry(scene)
         self.visibility = Visibility(scene)
         self.transmission = Transmission(scene, self.geometry, self.visibility.passing)
+        self.links = Links(scene, self.visibility, self.transmission)
         self.emitters, self.names = emitters(scene)
 
     def arrivals(
@@ -185,6 +187,9 @@ class DirectLight:
             value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
             if self.geometry.shading_is_shifted:
                 value *= self._terminator_shading(surface, cosine)
+            unlit = self.links.unlit(emitter.light.name, surface.instance)
+            if unlit is not None:
+                value[unlit] = 0.0
             lit = np.flatnonzero(value)
             if not len(lit):
                 continue
@@ -199,7 +204,8 @@ class DirectLight:
             irradiance[lit] = value[lit] * seen
             exact = self._exact(emitter, surface)
             if exact is not None:
-                exact = np.where(np.isfinite(exact), exact, value)
+                out = ~np.isfinite(exact) if unlit is None else unlit | ~np.isfinite(exact)
+                exact = np.where(out, value, exact)
                 irradiance += share(number, value, irradiance) * (exact - value)
             tint = sample.tint
             if through is not None:
@@ -272,11 +278,12 @@ class DirectLight:
             points = pick(points, lit)
         origins = self.geometry.shadow_origins(surface, wi, cosine, lit)
         wi, reach = _aimed(wi, distance, epsilon, origins - points)
-        seen = ~self.visibility.opaque.occluded(origins, wi, reach)
-        if not self.visibility.passing.count:
+        opaque, transmission = self.links.blockers(emitter.light.name)
+        seen = ~opaque.occluded(origins, wi, reach)
+        if not transmission.caster.count:
             return seen, None, []
         rows = np.flatnonzero(seen)
-        share, crossed = self.transmission.along(origins[rows], wi[rows], reach[rows], passed)
+        share, crossed = transmission.along(origins[rows], wi[rows], reach[rows], passed)
         exclusions = [
             Exclusion(lit[rows[crossed == instance]], self.visibility.cause(int(instance)))
             for instance in np.unique(crossed[crossed >= 0])

@@ -33,7 +33,7 @@ MOST_BOUNCES = 1024  # that Cycles takes
 # Of the notes on lights: errors whatever the picture, and what only may be meant otherwise.
 CERTAIN = {"negative-energy", "unit-scale"}
 POSSIBLE = {"soft-falloff", "not-normalised", "no-shadow", "spot-cone", "ies-efficacy"}
-ODD = ("Light linking", "Shadow catcher", "Holdout")
+ODD = ("Shadow catcher", "Holdout")
 LOSSY = ("DWAA", "DWAB", "B44", "B44A", "PXR24")
 
 
@@ -244,9 +244,12 @@ def _dark_by_driver(lint: Lint) -> Iterator[Said]:
 
 @rule("light-linking")
 def _linking(lint: Lint) -> Iterator[Said]:
+    said = "makes light that no lamp gives: clear it for a photometric render"
+    effects = lint.without(linking={}) if lint.scene.linking else {}
+    for name in lint.scene.linking:
+        yield Said(f"light linking {said}", effects.get(name), "warning", name)
     for one in lint.scene.unsupported:
         if one.feature in ODD:
-            said = "makes light that no lamp gives: clear it for a photometric render"
             yield Said(f"{one.feature.lower()} {said}", None, "warning", one.name)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +154,18 @@ class Instance:
     proxy: bool = False
 
 
+class Linking(NamedTuple):
+    """What a light is for, by instance; the last of each is for what is none (a meter).
+
+    Attributes
+    ----------
+    lit, shadowing : (instances + 1,) bool, what it lights, and what can hide it.
+    """
+
+    lit: NDArray[np.bool_]
+    shadowing: NDArray[np.bool_]
+
+
 @dataclass(frozen=True)
 class Aperture:
     """The opening of a thin lens.
@@ -237,6 +249,7 @@ class Scene:
     unknown_lights : light objects whose emission is not known, in their place and shape; what
         they may reach is excluded.
     light_records : all light objects as Blender has them, also those that emit nothing.
+    linking : of the lights of these names; all others light everything.
     resolution : (width, height) of the full frame in pixels.
     border : (x0, y0, x1, y1) in pixels from the lower left, the part that is rendered; outside it
         pixels are 0.
@@ -270,5 +283,6 @@ class Scene:
     measured: NDArray[np.float32] | None = None
     unknown_lights: tuple[Light, ...] = ()
     light_records: tuple[LightRecord, ...] = ()
+    linking: Mapping[str, Linking] = field(default_factory=dict[str, Linking])
     unsupported: tuple[Unsupported, ...] = ()
     findings: tuple[Finding, ...] = ()

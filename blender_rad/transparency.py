@@ -32,7 +32,7 @@ class Transmission:
     """
 
     def __init__(self, scene: Scene, geometry: Geometry, caster: Caster) -> None:
-        self._geometry, self._caster = geometry, caster
+        self._geometry, self.caster = geometry, caster
         materials = scene.materials
         self._share = Shading(
             scene,
@@ -74,7 +74,7 @@ class Transmission:
         share, unknown = np.ones((len(origins), 3)), np.full(len(origins), -1)
         rows = np.arange(len(origins))
         for left in range(max(self._most - passed, 0), -1, -1):
-            hits = self._caster.intersect(origins, directions)
+            hits = self.caster.intersect(origins, directions)
             met = np.flatnonzero(hits.distance < reach)
             rows, reach = rows.take(met), reach.take(met)
             before, directions = origins.take(met, axis=0), directions.take(met, axis=0)

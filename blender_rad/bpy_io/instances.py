@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ..errors import Finding, RadError
 from ..lights import Light, Model
 from ..lights._base import LightRecord, light_from_record
-from ..scene import Instance, Material, Mesh, Unsupported
+from ..scene import Instance, Linking, Material, Mesh, Unsupported
 from .arrays import floats, matrix
 from .expressions import IMAGES
-from .lights import NOT_FINITE, light_record, linked
+from .lights import NOT_FINITE, light_record
+from .linking import lost_in_cycles, read_linking
 from .materials import Shading, Surface, clay, full, surface_of
 from .meshes import box_mesh, read_mesh
 from .questions import Questions
@@ -51,7 +52,6 @@ class _Facts:
     visible: dict[str, bool]
     features: tuple[str, ...]
     transparent: bool
-    linked: bool
     modified: bool
 
 
@@ -70,6 +70,7 @@ class Reader:
     lights: list[Light] = field(default_factory=list)
     unknown_lights: list[Light] = field(default_factory=list)
     records: list[LightRecord] = field(default_factory=list)
+    linking: dict[str, Linking] = field(default_factory=dict[str, Linking])
     unsupported: list[Unsupported] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
@@ -85,7 +86,7 @@ class Reader:
         self._surfaces: dict[int, Surface] = {}
         self._facts_of: dict[Any, _Facts] = {}
         self._templates: dict[Any, list[Instance]] = {}  # what an object gives, not yet placed
-        self._placed: list[tuple[Instance, Any]] = []
+        self._placed: list[tuple[Instance, tuple[int, int], Any]] = []
         self._apart: set[int] = set()  # meshes whose normals Cycles leaves in object space
 
     def read(self) -> None:
@@ -94,6 +95,7 @@ class Reader:
             self._read_instance(item)
         self._record_hidden()
         self._place()
+        self.findings += lost_in_cycles(self.linking, self.lights, self.records)
         self.findings = list(dict.fromkeys(self.findings))
         self.unsupported = list(dict.fromkeys(self.unsupported))
 
@@ -111,15 +113,19 @@ class Reader:
         key = (real.as_pointer(), parent.as_pointer(), data.as_pointer())
         if key not in self._templates:
             self._templates[key] = self._geometry(item, self._facts(shown, real, parent))
+        owners = (real.original.as_pointer(), parent.original.as_pointer())
         for template in self._templates[key]:
-            self._placed.append((template, tuple(map(tuple, item.matrix_world))))
+            self._placed.append((template, owners, tuple(map(tuple, item.matrix_world))))
 
     def _place(self) -> None:
         """Put the templates where they stand; what stands nowhere is left out."""
-        worlds = np.array([world for _, world in self._placed], dtype=np.float64).reshape(-1, 4, 4)
-        users = Counter(template.mesh for template, _ in self._placed)
+        worlds = np.array([world for *_, world in self._placed], dtype=np.float64)
+        worlds = worlds.reshape(-1, 4, 4)
+        users = Counter(template.mesh for template, *_ in self._placed)
         finite = np.isfinite(worlds).all(axis=(1, 2))
-        for (template, _), world, good in zip(self._placed, worlds, finite, strict=True):
+        owners = [who for (_, who, _), good in zip(self._placed, finite, strict=True) if good]
+        self.linking = read_linking(self.depsgraph, owners, self._name)
+        for (template, *_), world, good in zip(self._placed, worlds, finite, strict=True):
             if good:
                 alone = users[template.mesh] == 1 and template.mesh not in self._apart
                 self.instances.append(
@@ -170,7 +176,6 @@ class Reader:
             visible=visible,
             features=tuple(features),
             transparent=adaptive or "Render-time culling" in features,
-            linked=any(linked(o) for o in both),
             modified=real.type == "META"
             or real.is_modified(self._scene, "RENDER")
             or any(slot.link == "OBJECT" for slot in real.material_slots),
@@ -253,7 +258,7 @@ class Reader:
         features = facts.features + (_BEFORE,) * (facts.modified and surface.generated)
         records = tuple(Unsupported("object", facts.name, f) for f in features)
         self.unsupported.extend(records)
-        key = (surface.name, surface, records, proxy, facts.linked and facts.name)
+        key = (surface.name, surface, records, proxy)
         if key not in self._material_index:
             self._material_index[key] = len(self.materials)
             self.materials.append(self._on_object(material, facts, records, proxy))
@@ -264,9 +269,7 @@ class Reader:
     ) -> Material:
         emits = material.emits or not material.emission_known
         before = any(record.feature == _BEFORE for record in records)
-        unknown = emits and (proxy or facts.linked or before)
-        if unknown and facts.linked:
-            records += (Unsupported("light", facts.name, "Light linking"),)
+        unknown = emits and (proxy or before)
         return replace(
             material,
             emission=(0.0, 0.0, 0.0) if unknown else material.emission,
@@ -296,7 +299,7 @@ class Reader:
             light = light_from_record(record, self.model)
         if light is None:
             return
-        feature = "Light linking" if facts.linked else record.unknown
+        feature = record.unknown
         if not facts.visible["diffuse"] and facts.visible["camera"]:
             feature = feature or "Seen by the camera only"
         if feature:

@@ -69,9 +69,3 @@ def _emission(
     if varying is None:
         return found, {}, None
     return nodes.grey(1.0), {"node_texture": varying + constant(found)}, None
-
-
-def linked(bl_object: Any) -> bool:
-    """Return whether the object lights, or is shadowed by, chosen objects only."""
-    linking = bl_object.light_linking
-    return bool(linking and (linking.receiver_collection or linking.blocker_collection))

@@ -103,6 +103,7 @@ def read_depsgraph(
         transparent_max_bounces=bl_scene.cycles.transparent_max_bounces,
         unknown_lights=tuple(reader.unknown_lights),
         light_records=tuple(reader.records),
+        linking=reader.linking,
         unsupported=(
             *reader.unsupported,
             *dict.fromkeys(u for m in reader.materials for u in m.unsupported),

@@ -12,7 +12,7 @@ from blender_rad.errors import Finding
 from blender_rad.inspection import PHOTOPIC, figure, inspect_lights
 from blender_rad.lights import LightRecord, SkyMap
 from blender_rad.quantities import K_M
-from blender_rad.scene import Instance, Material, Unsupported, World
+from blender_rad.scene import Instance, Linking, Material, Unsupported, World
 from tests.handmade import ball, moved, scene, square
 
 STRENGTH = 10.0
@@ -79,8 +79,8 @@ def test_a_note_says_what_the_number_hides(case: str) -> None:
 def test_findings_by_object_or_data_are_notes_and_linking_is_named() -> None:
     blocked = Finding("blocked-driver", "warning", "Lamp data", "the driver of energy cannot run")
     elsewhere = Finding("motion-blur", "info", "", "motion blur is on")
-    linking = Unsupported("light", "Lamp", "Light linking")
-    row, _ = inspect(record(), findings=(blocked, elsewhere), unsupported=(linking,))
+    linking = {"Lamp": Linking(np.ones(1, bool), np.zeros(1, bool))}
+    row, _ = inspect(record(), findings=(blocked, elsewhere), linking=linking)
     assert row["notes"][0] == blocked.message and "chosen objects" in row["notes"][1]
     assert len(row["notes"]) == 2 and row["radiant_flux_W"] == STRENGTH
 

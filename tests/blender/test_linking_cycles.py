@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light and shadow linking, ours against that of Cycles.
+
+A stage has two boxes; one lamp lights all of it, another one is linked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+import pytest
+
+from .agreement import both_sides, lamp
+from .reading import CUBE, SQUARE, add, polygons
+from .test_features_cycles import SIZE, agrees, glowing, stage
+
+pytestmark = pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Light linking")
+SLOW = pytest.mark.slow
+WIDE = {'POINT': {"shadow_soft_size": 0.3}, 'AREA': {"size": 0.8}, 'SUN': {"angle": 0.2}}
+
+
+def linked(light: Any, kind: str, *members: Any, include: bool = True, child: Any = None) -> None:
+    """Link a light to objects by a collection, in which a `child` has the other state."""
+    made = bpy.data.collections.new("Linked")
+    states = ('INCLUDE', 'EXCLUDE') if include else ('EXCLUDE', 'INCLUDE')
+    for member in members:
+        made.objects.link(member)
+        made.collection_objects[-1].light_linking.link_state = states[0]
+    if child:
+        made.children.link(bpy.data.collections.new("Child"))
+        made.children[0].objects.link(child)
+        made.collection_children[0].light_linking.link_state = states[1]
+    setattr(light.light_linking, f"{kind}_collection", made)
+
+
+def boxes() -> tuple[Any, Any, Any]:
+    """A stage with two boxes, and a lamp over it; floor and boxes are returned."""
+    box = stage()
+    other = add("Other", polygons("Other", *CUBE), location=(-0.8, 0, 0.5), scale=(0.3,) * 3)
+    lamp('POINT', (-2, -2, 3), energy=30, shadow_soft_size=0)
+    return bpy.data.objects["Floor"], box, other
+
+
+def key(kind: str) -> Any:
+    return lamp(kind, (-0.6, -1, 2.5), (0.2, 0.2, 0), **WIDE[kind])
+
+
+def one(how: str, of_light: str, include: bool) -> Callable[[], None]:
+    def build() -> None:
+        _, box, _ = boxes()
+        linked(key(of_light), how, box, include=include)
+
+    return build
+
+
+def both_kinds() -> None:
+    floor, box, other = boxes()
+    light = key('AREA')
+    linked(light, "receiver", floor, include=False, child=box)
+    linked(light, "blocker", box, include=False)
+    linked(key('POINT'), "receiver", box, other)
+
+
+def glows() -> None:
+    floor, box, _ = boxes()
+    panel = add("Panel", glowing(polygons("Panel", *SQUARE), 20.0))
+    panel.location, panel.scale, panel.rotation_euler = (-0.3, -0.9, 1.6), (0.3,) * 3, (0.2, 0.1, 0)
+    linked(panel, "receiver", floor)
+    linked(panel, "blocker", box, include=False)
+
+
+def instanced() -> None:
+    """Instances are linked as what instances them, where that is named; lights by their own."""
+    _, box, other = boxes()
+    light = key('POINT')
+    source = bpy.data.collections.new("Source")
+    for member in (other, light):
+        bpy.context.scene.collection.objects.unlink(member)
+        source.objects.link(member)
+    hosts = [add(f"Host {k}", None, location=(0.9 * k, 0.1, 0)) for k in range(2)]
+    for host in hosts:
+        host.instance_type, host.instance_collection = 'COLLECTION', source
+    linked(light, "receiver", hosts[1], box, include=False)
+    linked(light, "blocker", hosts[0])
+
+
+CASES = {
+    "receivers-included": one("receiver", 'POINT', True),
+    "receivers-excluded": one("receiver", 'SUN', False),
+    "blockers-included": one("blocker", 'POINT', True),
+    "blockers-excluded": one("blocker", 'AREA', False),
+    "sun-blockers-included": one("blocker", 'SUN', True),
+    "sun-blockers-excluded": one("blocker", 'SUN', False),
+    "area-blockers-included": one("blocker", 'AREA', True),
+    "receivers-and-blockers": both_kinds,
+    "emitting-mesh": glows,
+    "instances": instanced,
+}
+QUICK = ("receivers-included", "blockers-excluded", "emitting-mesh", "instances")
+
+
+@SLOW
+@pytest.mark.parametrize("kind", ['SUN', 'AREA'])
+def test_cycles_loses_light_that_it_finds_by_the_surface(kind: str) -> None:
+    """Behind what does not shadow a light; without Multiple Importance it finds none so."""
+    _, box, _ = boxes()
+    data = {'SUN': {"angle": 2.5}, 'AREA': {"size": 3.0}}[kind]
+    light = lamp(kind, (-0.6, -1, 2.5), (0.2, 0.2, 0), **data)
+    linked(light, "blocker", box)
+    sides = both_sides(SIZE)
+    assert [f.object for f in sides.scene.findings if f.code == "shadow-linking"] == [light.name]
+    lost, error = sides.energy()
+    assert lost < -5 * error
+    light.data.cycles.use_multiple_importance_sampling = False
+    sides = both_sides(SIZE, samples=128)
+    agrees(sides)
+    assert not sides.scene.findings
+
+
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=SLOW) for n in CASES])
+def test_links_are_those_of_cycles(name: str) -> None:
+    CASES[name]()
+    sides = both_sides(SIZE)
+    assert sides.scene.linking
+    agrees(sides)
