@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .scene import Instance, Mesh, Scene
 from .surfaces import Geometry, Surface, dot, normalized, pick
-from .textures import GENERATED, Array, Context, Expression
+from .tangents import tangents
+from .textures import GENERATED, NORMAL, TANGENT, Array, Context, Expression
 
 Ints = NDArray[np.int64]
 
@@ -91,11 +92,13 @@ def context_on(
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     cofactor = np.linalg.det(matrix[:3, :3]) * np.linalg.pinv(matrix[:3, :3])
     geometric = normalized(across @ cofactor) * np.sign(np.linalg.det(matrix[:3, :3]))
-    normal: Array = geometric
+    normal, raw = geometric, normalized(across)
     if mesh.normals is not None:
+        rows = mesh.smooth[triangle]
         smooth = np.einsum("nk,nkd->nd", weights, mesh.normals[triangle].astype(np.float64))
+        raw = np.where(rows[:, None], smooth, raw)
         normal = normalized(smooth @ np.linalg.pinv(matrix[:3, :3]))
-        normal[~mesh.smooth[triangle]] = geometric[~mesh.smooth[triangle]]
+        normal[~rows] = geometric[~rows]
     towards = normalized(incoming)
     side = np.where(dot(geometric, towards) < 0.0, -1.0, 1.0)[:, None]
 
@@ -103,7 +106,12 @@ def context_on(
         if name == GENERATED and mesh.texture_space is not None:
             centre, size = mesh.texture_space
             return 0.5 + 0.5 * (local - centre) / np.where(size == 0.0, 1.0, size)
+        if name == NORMAL:
+            return raw
         found = mesh.attributes.get(name)
+        mapped = mesh.attributes.get(name.removesuffix(TANGENT))
+        if found is None and name.endswith(TANGENT) and mapped is not None:
+            found = mesh.attributes[name] = tangents(mesh, mapped)
         return None if found is None else np.einsum("nk,nkd->nd", weights, found[triangle])
 
     return Context(

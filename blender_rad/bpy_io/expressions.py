@@ -30,7 +30,7 @@ _LINEAR = {"Non-Color", "Linear Rec.709", "Raw", "Linear"}
 _OUTPUTS = {  # of nodes that have others too, which are not known
     "ShaderNodeTexCoord": {"UV", "Generated", "Object", "Normal", "Reflection"},
     "ShaderNodeNewGeometry": {
-        *("Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing")
+        *("Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing", "Tangent")
     },
     "ShaderNodeObjectInfo": {"Location"},
 }
@@ -274,5 +274,6 @@ _EXTRAS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "ShaderNodeTexImage": _image,
     "ShaderNodeTexCoord": _coordinates,
     "ShaderNodeNormal": lambda node: {"direction": tuple(node.outputs[0].default_value)},
+    "ShaderNodeNormalMap": lambda node: {"unit_normal": bpy.app.version >= (5, 0)},
     "ShaderNodeRGBToBW": lambda node: {"weights": _weights()},
 }

@@ -38,6 +38,7 @@ _LOOK_AT_BOUNDS = {
     ("ShaderNodeNewGeometry", "Tangent"),
     ("ShaderNodeTangent", "Tangent"),
 }
+_ABOVE_EMISSION = ("Alpha", "Coat", "Sheen", "Normal")
 _SHADING_NORMAL = Expression("ShaderNodeNewGeometry", "Normal")
 _OWN_TANGENT = Expression("ShaderNodeNewGeometry", "Tangent")
 _PRINCIPLED_DEFAULTS = {  # of the surface of empty slots from Blender 5 on
@@ -175,9 +176,7 @@ def _empty_slot() -> Surface:
     inputs["Coat Normal"] = _SHADING_NORMAL
     settings = {"distribution": "MULTI_GGX"}
     plain = Closure(_PRINCIPLED, nodes.WHOLE, inputs, settings)
-    if _PRINCIPLED in BSDFS:
-        return Surface(DEFAULT_NAME, reflects=True, closures=(plain,))
-    return Surface(DEFAULT_NAME, reflects=True, features=("Principled BSDF (default)",))
+    return Surface(DEFAULT_NAME, reflects=True, closures=(plain,))
 
 
 def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
@@ -276,11 +275,17 @@ def _emission(leaf: Leaf) -> Expression | None:
     if kind != _PRINCIPLED:
         return nodes.NOTHING
     rgb = nodes.leaf_emission(leaf, "Emission Strength", "Emission Color")
-    layers = [nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")]
-    alpha = _clipped(nodes.read(leaf.node.inputs["Alpha"], leaf.groups))
     if rgb is None or nodes.is_zero(rgb):
         return rgb
-    return None if alpha is None or layers != [0.0, 0.0] else rgb * alpha
+    sockets = {s.name: s for s in leaf.node.inputs if s.name.startswith(_ABOVE_EMISSION)}
+    inputs = {name: _input(leaf, socket, None) for name, socket in sockets.items()}
+    known = {name: each for name, each in inputs.items() if each}
+    alpha = _clipped(known.get("Alpha"))
+    if len(known) < len(inputs) or alpha is None:
+        return None
+    if [nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")] == [0.0, 0.0]:
+        return rgb * alpha
+    return rgb * Expression("EMITTED", inputs=known)
 
 
 def _transmittance(leaf: Leaf) -> Expression | None:

@@ -4,7 +4,9 @@
 from ._base import (
     COLOUR,
     GENERATED,
+    NORMAL,
     SOURCES,
+    TANGENT,
     TEXTURES,
     UV,
     Array,
@@ -17,7 +19,9 @@ from ._base import (
 __all__ = [
     "COLOUR",
     "GENERATED",
+    "NORMAL",
     "SOURCES",
+    "TANGENT",
     "TEXTURES",
     "UV",
     "Array",

@@ -23,7 +23,9 @@ _PACKAGE = __name__.rpartition(".")[0]
 ZERO, ONE = np.zeros((1, 3)), np.ones((1, 3))
 UV = ""  # attributes that have no name of their own: the UV map that renders take,
 COLOUR = "\0colour"  # the colours,
-GENERATED = "\0generated"  # and the place in the bounds
+GENERATED = "\0generated"  # the place in the bounds,
+NORMAL = "\0normal"  # and the object's normal, which has no unit length between corners
+TANGENT = "\0tangent"  # ends the name of a UV map: its tangent, and 1 or -1 for a mirrored one
 
 
 @dataclass
@@ -65,6 +67,10 @@ class Call:
 
     def __getitem__(self, name: str) -> Array:
         return self._inputs[name].evaluate(self.context)
+
+    def values(self) -> dict[str, Array]:
+        """Return all inputs."""
+        return {name: self[name] for name in self._inputs}
 
 
 Function = Callable[[Call], Array]

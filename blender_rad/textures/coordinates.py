@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ._base import COLOUR, GENERATED, SOURCES, UV, ZERO, Array, Call, Context, divided, dot, unit
+from .normals import radial
 
 
 def _moved(matrix: Array, points: Array) -> Array:
@@ -78,6 +79,8 @@ def _named_attribute(call: Call) -> Array:
 
 @SOURCES.register("ShaderNodeNewGeometry")
 def _geometry(call: Call) -> Array:
+    if call.output == "Tangent":
+        return radial(call.context, "Z")
     names = {"True Normal": "geometric"}
     found = getattr(call.context, names.get(call.output, call.output.lower()))
     return np.asarray(found, dtype=np.float64)

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from blender_rad.bpy_io.materials import read_material, surface_of
+from blender_rad.bpy_io.questions import Questions
 from blender_rad.scene import CLAY_ALBEDO, Material
 from blender_rad.textures import Context
 
 from .reading import added, empty_scene, material, node
 
 CLAY = (CLAY_ALBEDO,) * 3
+PRINCIPLED = "ShaderNodeBsdfPrincipled"
 RED = (0.8, 0.2, 0.1, 1)
 
 
@@ -56,12 +58,12 @@ def test_lambert_is_read() -> None:
     assert (found.opaque, found.emits, found.unsupported) == (True, False, ())
 
 
-@pytest.mark.parametrize("inputs", [{"Roughness": 0.5}, {}])
-def test_rough_or_bumpy_diffuse_is_unsupported(inputs: Any) -> None:
-    created = material("M", "ShaderNodeBsdfDiffuse", **inputs)
-    if not inputs:
-        tree, _, surface = tree_of(created)
-        tree.links.new(node(tree, "ShaderNodeBump").outputs[0], surface.node.inputs["Normal"])
+def test_rough_or_bent_diffuse_is_a_closure() -> None:
+    created = material("M", "ShaderNodeBsdfDiffuse", Roughness=0.5)
+    found = read_material(created, "full")
+    assert [c.kind for c in found.closures] == ["ShaderNodeBsdfDiffuse"] and not any(found.albedo)
+    tree, _, surface = tree_of(created)
+    tree.links.new(node(tree, "ShaderNodeBump").outputs[0], surface.node.inputs["Normal"])
     assert named(read_material(created, "full")) == ["Diffuse BSDF"]
     assert read_material(created, "clay").albedo == CLAY
 
@@ -139,7 +141,7 @@ def test_glass_throws_a_shadow_and_clay_closes_it(kind: str) -> None:
         ({}, 0.0, (0, 0, 0), True),
         ({"Alpha": 0.5}, 0.5, (0, 0, 0), True),
         ({"Emission_Strength": 2.0}, 0.0, (2, 2, 2), True),
-        ({"Emission_Strength": 2.0, "Coat_Weight": 1.0}, 0.0, (0, 0, 0), False),
+        ({"Emission_Strength": 2.0, "Coat_Weight": 1.0}, 0.0, (0, 0, 0), True),
         ({"Emission_Strength": 2.0, "Alpha": 0.25}, 0.75, (0.5, 0.5, 0.5), True),
     ],
 )
@@ -147,7 +149,59 @@ def test_principled(inputs: Any, passes: float, emission: Any, known: bool) -> N
     found = read_material(material("M", "ShaderNodeBsdfPrincipled", **inputs), "full")
     assert (found.opaque, found.emission, found.emission_known) == (True, emission, known)
     assert found.transmittance == (passes, passes, passes)
-    assert "Principled BSDF" in named(found)
+    assert not found.unsupported and [c.kind for c in found.closures] == [PRINCIPLED]
+    assert bool(found.emission_texture) == ("Coat_Weight" in inputs)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "feature"),
+    [
+        ({"Subsurface_Weight": 0.3}, "Principled BSDF Subsurface Weight"),
+        ({"Thin_Film_Thickness": 300.0}, "Principled BSDF Thin Film Thickness"),
+    ],
+)
+def test_what_no_closure_does_is_unsupported(inputs: Any, feature: str) -> None:
+    found = read_material(material("M", PRINCIPLED, **inputs), "full")
+    assert (named(found), found.closures) == ([feature], ())
+
+
+def test_closures_have_what_their_sockets_get() -> None:
+    created = mixed("ShaderNodeBsdfDiffuse", "ShaderNodeBsdfAnisotropic", 0.25)
+    glossy = next(n for n in created.node_tree.nodes if n.bl_idname.endswith("Anisotropic"))
+    glossy.inputs["Roughness"].default_value = 0.125
+    created.node_tree.links.new(
+        node(created.node_tree, "ShaderNodeNormalMap").outputs[0], glossy.inputs["Normal"]
+    )
+    (closure,) = read_material(created, "full").closures
+    constants = {name: each.value for name, each in closure.inputs.items()}
+    assert (closure.weight.value, constants["Roughness"]) == (0.25, 0.125)
+    assert constants["Color"] == pytest.approx(0.8 * np.ones((1, 3)))
+    assert closure.settings["distribution"] == "MULTI_GGX"
+    assert closure.normal and closure.normal.kind == "ShaderNodeNormalMap"
+    assert closure.tangent is None
+    glossy.inputs["Anisotropy"].default_value = 0.5
+    (closure,) = read_material(created, "full").closures
+    assert closure.tangent and closure.tangent.output == "Tangent"
+
+
+def test_unknown_nodes_become_questions() -> None:
+    """Sockets in groups are asked at the group that they are in; light is never asked for."""
+    group = bpy.data.node_groups.new("Paint", 'ShaderNodeTree')
+    group.interface.new_socket("Out", in_out='OUTPUT', socket_type='NodeSocketShader')
+    paint = node(group, "ShaderNodeBsdfDiffuse", node(group, "ShaderNodeTexNoise"))
+    node(group, "NodeGroupOutput", paint)
+    created = material("M", "ShaderNodeEmission")
+    tree, output, surface = tree_of(created)
+    painted = node(tree, "ShaderNodeGroup")
+    painted.node_tree = group
+    tree.links.new(node(tree, "ShaderNodeAddShader", painted, surface).outputs[0], output.inputs[0])
+    questions = Questions()
+    found = surface_of(created, questions)
+    (asking,) = questions.materials
+    assert asking.slots == {(("Group",), "Diffuse BSDF", "Color"): 0}
+    assert found.albedo_texture and found.albedo_texture.measured and not found.features
+    tree.links.new(node(tree, "ShaderNodeTexNoise").outputs[0], surface.node.inputs["Strength"])
+    assert surface_of(created, Questions()).unknown_emission
 
 
 def test_no_surface_is_black_and_clay_is_clay() -> None:
@@ -218,5 +272,5 @@ def test_empty_slots() -> None:
     if bpy.app.version < (5, 0):
         assert (found.albedo, found.unsupported) == ((0.8,) * 3, ())
     else:
-        assert named(found) == ["Principled BSDF (default)"]
+        assert ([c.kind for c in found.closures], found.unsupported) == ([PRINCIPLED], ())
     assert read_material(None, "clay").albedo == CLAY

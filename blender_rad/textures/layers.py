@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the layers of a surface let out of what glows below them."""
+
+from __future__ import annotations
+
+from ..bsdfs import Inputs
+from ..bsdfs.principled import emitted
+from ._base import ONE, SOURCES, Array, Call, unit
+
+
+@SOURCES.register("EMITTED")
+def _emitted(call: Call) -> Array:
+    """Return what the alpha, sheen and coat of a Principled BSDF leave of its emission."""
+    context, values = call.context, call.values()
+    weight = ONE.repeat(len(context.normal), axis=0)
+    normal, geometric = unit(values["Normal"]), context.geometric
+    return emitted(Inputs(values, call.settings, weight, normal, geometric, context.incoming))

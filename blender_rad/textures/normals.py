@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nodes that bend normals, and tangents."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ._base import (
+    GENERATED,
+    NORMAL,
+    SOURCES,
+    TANGENT,
+    UV,
+    Array,
+    Call,
+    Context,
+    clip,
+    dot,
+    unit,
+)
+
+
+def _to_world(context: Context, normals: Array) -> Array:
+    return unit(normals @ context.object_from_world[:3, :3])
+
+
+@SOURCES.register("ShaderNodeNormalMap")
+def _normal_map(call: Call) -> Array:
+    """Return the normal that a colour states, of the plain one as far as the strength says.
+
+    In tangent space (T, s n × T, n) is no orthonormal frame: T and n are those of the corners,
+    interpolated, not square to each other, and of unit length only where the setting `unit_normal`
+    makes n so.
+    """
+    context, strength = call.context, call["Strength"]
+    stated = 2.0 * call["Color"] - 1.0
+    space = call.settings["space"]
+    if call.settings.get("convention") == "DIRECTX":
+        stated = stated * np.array([1.0, -1.0, 1.0])
+    if space.startswith("BLENDER_"):
+        stated = stated * np.array([1.0, -1.0, -1.0])
+    side = 1.0 - 2.0 * context.backfacing
+    if space == "TANGENT":
+        tangents = context.attribute((call.settings["uv_map"] or UV) + TANGENT)
+        normal = context.attribute(NORMAL)
+        if tangents is None or normal is None:
+            return context.normal
+        normal = unit(normal) if call.settings.get("unit_normal") else normal
+        along = tangents[:, :3]
+        across = tangents[:, 3:] * np.cross(normal, along)
+        depth = 1.0 + clip(strength) * (stated[:, 2:] - 1.0)
+        bent = strength * (stated[:, :1] * along + stated[:, 1:2] * across) + depth * normal
+        bent = _to_world(context, unit(bent)) * side
+    else:
+        bent = side * (_to_world(context, stated) if space.endswith("OBJECT") else unit(stated))
+        further = context.normal + (bent - context.normal) * np.maximum(strength, 0.0)
+        bent = np.where(strength == 1.0, bent, unit(further))
+    return np.where(bent.any(axis=1, keepdims=True), bent, context.normal)
+
+
+def radial(context: Context, axis: str) -> Array:
+    """Return the tangents (n, 3) around an axis of the bounds."""
+    generated = context.attribute(GENERATED)
+    x, y, z = ((context.position if generated is None else generated) - 0.5).T
+    nothing = np.zeros_like(x)
+    around = {"X": (nothing, -z, y), "Y": (-z, nothing, x), "Z": (-y, x, nothing)}
+    return _in_surface(context, np.stack(around[axis], axis=1))
+
+
+def _in_surface(context: Context, tangent: Array) -> Array:
+    """Return unit vectors (n, 3) in the tangent plane, as near to `tangent` of the object."""
+    tangent = _to_world(context, tangent)
+    return unit(tangent - dot(tangent, context.normal) * context.normal)
+
+
+@SOURCES.register("ShaderNodeTangent")
+def _tangent(call: Call) -> Array:
+    if call.settings["direction_type"] == "RADIAL":
+        return radial(call.context, call.settings["axis"])
+    found = call.context.attribute((call.settings["uv_map"] or UV) + TANGENT)
+    return np.zeros((1, 3)) if found is None else _in_surface(call.context, found[:, :3])
