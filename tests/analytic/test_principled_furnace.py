@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""White Principled BSDFs in a white furnace: what they send back of light from everywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blender_rad.bsdfs import Inputs, Mixture, lobes
+from blender_rad.bsdfs.principled import emitted
+
+KIND = "ShaderNodeBsdfPrincipled"
+POINTS = 4096  # on a lattice, through the lobes' own sampling
+GOLDEN = 0.6180339887498949
+COSINES = (1.0, 0.8, 0.5, 0.2)
+LOST = 0.015  # at most, where every bounce is given back
+WHITE = dict.fromkeys(("Base Color", "Alpha", "Specular Tint", "Coat Tint", "Sheen Tint"), 1.0)
+DEFAULTS = WHITE | {"Roughness": 0.5, "IOR": 1.5, "Specular IOR Level": 0.5}
+DEFAULTS |= {"Coat Roughness": 0.03, "Coat IOR": 1.5, "Sheen Roughness": 0.5}
+COAT = {"Coat Weight": 1.0, "Coat Roughness": 0.5}
+CASES: dict[str, dict[str, float]] = {
+    "default": {},
+    "rough": {"Roughness": 1.0},
+    "metal": {"Metallic": 1.0, "Roughness": 1.0},
+    "strong gloss": {"IOR": 2.0, "Specular IOR Level": 1.0, "Roughness": 0.4},
+    "coat": COAT,
+    "coated metal": COAT | {"Metallic": 1.0},
+    "sheen": {"Sheen Weight": 1.0},
+    "rough diffuse": {"Diffuse Roughness": 1.0},
+    "all": COAT | dict.fromkeys(("Metallic", "Sheen Weight", "Diffuse Roughness"), 0.4),
+}
+
+
+def white(case: dict[str, float], cosine: float, n: int = POINTS) -> Inputs:
+    normal = np.tile([0.0, 0.0, 1.0], (n, 1))
+    names = ("Metallic", "Anisotropic", "Anisotropic Rotation", "Transmission Weight")
+    nothing = dict.fromkeys((*names, "Coat Weight", "Sheen Weight", "Diffuse Roughness"), 0.0)
+    values = {name: np.full((1, 3), x) for name, x in {**nothing, **DEFAULTS, **case}.items()}
+    return Inputs(
+        values={**values, "Coat Normal": normal},
+        settings={"distribution": 'MULTI_GGX'},
+        weight=np.ones((n, 3)),
+        normal=normal,
+        geometric=normal,
+        wo=np.tile([np.sqrt(1.0 - cosine**2), 0.0, cosine], (n, 1)),
+    )
+
+
+def albedo(case: dict[str, float], cosine: float) -> float:
+    mixture = Mixture.of(lobes(KIND, white(case, cosine)))
+    place = np.arange(POINTS)
+    wi = mixture.sample(np.stack([(place + 0.5) / POINTS, place * GOLDEN % 1.0], axis=1))
+    value, density = mixture.evaluate(wi)
+    return float(np.mean(value[:, 0] / np.where(density > 0.0, density, np.inf)))
+
+
+@pytest.mark.parametrize("cosine", COSINES)
+@pytest.mark.parametrize("case", CASES)
+def test_nothing_is_won_and_little_lost(case: str, cosine: float) -> None:
+    assert -LOST < albedo(CASES[case], cosine) - 1.0 < 1e-3
+
+
+def test_where_cycles_wins_light() -> None:
+    """Below an index of 1 by the tables of its inverse, with smooth gloss between their nodes, and
+    in glass by facets that face away.
+    """
+    assert 1.1 < albedo({"Transmission Weight": 1.0}, 0.2) < 1.35
+    assert 1.5 < albedo({"IOR": 0.7}, 0.5) < 1.8
+    assert 1.02 < albedo({"Roughness": 0.1}, 0.05) < 1.05
+
+
+def test_emission_is_dimmed_by_what_covers_it() -> None:
+    """By the albedo of the sheen and of the coat at normal incidence, 4 % of a smooth one."""
+    half = {"Alpha": 0.5, "Coat Weight": 1.0, "Coat Roughness": 0.0, "Coat Tint": 0.25}
+    assert np.allclose(emitted(white(half, 1.0)), 0.5 * 0.96 * 0.25, rtol=1e-3)
+    assert np.array_equal(emitted(white({}, 0.3)), np.ones((POINTS, 3)))
+    sheen = {"Sheen Weight": 1.0, "Sheen Roughness": 1.0}
+    assert np.allclose(emitted(white(sheen, 0.0)), 1.0 - 0.75, atol=2e-3)
