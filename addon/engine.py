@@ -47,19 +47,10 @@ class RadiometricEngine(bpy.types.RenderEngine):
         final.render(self, depsgraph)
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
-        """Read the scene again where something that light depends on has changed."""
-        own = context.scene.radiometric
-        asked = (own.model, own.shading)
-        viewport = self._viewport
-        if viewport is None:
-            viewport = self._viewport = Viewport(_redraw(self))
-        changed = any(
-            update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading
-            for update in depsgraph.updates
-        )
-        if changed or viewport.asked != asked:
-            viewport.asked = asked
-            viewport.read(depsgraph)
+        """Follow what light depends on."""
+        if self._viewport is None:
+            self._viewport = Viewport(_redraw(self))
+        self._viewport.read(depsgraph)
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         viewport, region, bl_scene = self._viewport, context.region, depsgraph.scene

@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from ..blender_rad.errors import RadError
-from . import beside
+from . import beside, live
 from .text import say
 
 KINDS: Any = (
@@ -84,9 +84,7 @@ def _place(meter: Any, metre: float) -> Place:
 
 def scene_now(context: bpy.types.Context) -> tuple[Any, list[Place]]:
     """Return the scene as arrays, as the viewport has it, and its meters."""
-    from ..blender_rad.bpy_io.read import read_depsgraph
-
-    scene = read_depsgraph(context.evaluated_depsgraph_get(), model=context.scene.radiometric.model)
+    scene = live.scene_of(context.evaluated_depsgraph_get())
     return scene, [_place(meter, scene.unit_scale_m) for meter in meters(context.scene)]
 
 

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from . import live
+
 if TYPE_CHECKING:
     from ..blender_rad.direct import DirectLight
     from ..blender_rad.film import Film
@@ -29,7 +31,6 @@ class Viewport:
     ----------
     film : the newest picture, made by the thread and taken by whoever draws; None before any.
     refining : whether there are better ones to come.
-    asked : how the scene was read.
     texture : of which film, drawn how, and the texture itself.
     """
 
@@ -37,7 +38,6 @@ class Viewport:
         self.film: Film | None = None
         self.scene: Scene | None = None
         self.refining = False
-        self.asked: object = None
         self.texture: tuple[object, object, Any] = (None, None, None)
         self._redraw = redraw
         self._light: DirectLight | None = None
@@ -46,12 +46,10 @@ class Viewport:
 
     def read(self, depsgraph: Any) -> None:
         """Take the scene as it is now."""
-        from ..blender_rad.bpy_io.read import read_depsgraph
-
-        self.stop()
-        own = depsgraph.scene.radiometric
-        self.scene = read_depsgraph(depsgraph, shading=own.shading, model=own.model)
-        self._light, self._seen = None, None
+        scene = live.scene_of(depsgraph, depsgraph.scene.radiometric.shading)
+        if scene is not self.scene:
+            self.stop()
+            self.scene, self._light, self._seen = scene, None, None
 
     def look(self, camera: Camera, size: tuple[int, int], error: float) -> None:
         """Begin to render this view, unless it is the one that is rendered already."""

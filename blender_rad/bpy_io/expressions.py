@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
@@ -178,17 +179,25 @@ def _input(socket: Any, groups: Groups, known: Known) -> Expression:
 
 def plain_properties(block: Any) -> dict[str, Any]:
     """Return the plain properties of a block by name, vectors as tuples."""
-    found: dict[str, Any] = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        inherited = bpy.types.Node.bl_rna.properties if isinstance(block, bpy.types.Node) else ()
-        for prop in block.bl_rna.properties:
-            kept = prop.type in _COPIED and prop.identifier not in inherited
-            if kept or prop.identifier in _NAMES:
-                value = getattr(block, prop.identifier)
-                vector = getattr(prop, "array_length", 0) > 0
-                found[prop.identifier] = tuple(value) if vector else value
-    return found
+        values = {name: getattr(block, name) for name in _plain(type(block))}
+        return {
+            name: tuple(value)
+            if hasattr(value, "__len__") and not isinstance(value, str)
+            else value
+            for name, value in values.items()
+        }
+
+
+@cache
+def _plain(kind: Any) -> tuple[str, ...]:
+    inherited = bpy.types.Node.bl_rna.properties if issubclass(kind, bpy.types.Node) else ()
+    return tuple(
+        prop.identifier
+        for prop in kind.bl_rna.properties
+        if (prop.type in _COPIED and prop.identifier not in inherited) or prop.identifier in _NAMES
+    )
 
 
 def _ramp(node: Any) -> dict[str, Any]:

@@ -46,12 +46,14 @@ class _Facts:
     ----------
     features : what the object does that cannot be evaluated.
     transparent : whether shadow rays may pass it for that reason.
+    held_out : whether the camera sees nothing of it.
     """
 
     name: str
     visible: dict[str, bool]
     features: tuple[str, ...]
     transparent: bool
+    held_out: bool
     modified: bool
 
 
@@ -104,9 +106,8 @@ class Reader:
         parent = item.parent if item.is_instance else shown
         data = shown.data
         if isinstance(data, bpy.types.Light):
-            facts = self._facts(shown, real, parent)
-            if item.show_self and any(facts.visible.values()):
-                self._read_light(shown, facts, matrix(item.matrix_world))
+            if item.show_self:
+                self.read_light(shown, matrix(item.matrix_world), real, parent)
             return
         if not isinstance(data, bpy.types.Mesh) and shown.type not in _PROXIES:
             return
@@ -166,8 +167,7 @@ class Reader:
         visible = {ray: all(getattr(o, f"visible_{ray}") for o in both) for ray in _RAYS}
         if not held and parent.original.indirect_only_get(view_layer=self._layer_original):
             visible["camera"] = False
-        features = ["Holdout"] * bool(held)
-        features += ["Shadow catcher"] * any(o.is_shadow_catcher for o in both)
+        features = ["Shadow catcher"] * any(o.is_shadow_catcher for o in both)
         adaptive = _adaptive(shown, self._scene)
         features += ["Adaptive subdivision"] * adaptive
         features += ["Render-time culling"] * _culled(shown, self._scene)
@@ -175,6 +175,7 @@ class Reader:
             name=self._name(original),
             visible=visible,
             features=tuple(features),
+            held_out=bool(held),
             transparent=adaptive or "Render-time culling" in features,
             modified=real.type == "META"
             or real.is_modified(self._scene, "RENDER")
@@ -258,7 +259,7 @@ class Reader:
         features = facts.features + (_BEFORE,) * (facts.modified and surface.generated)
         records = tuple(Unsupported("object", facts.name, f) for f in features)
         self.unsupported.extend(records)
-        key = (surface.name, surface, records, proxy)
+        key = (surface.name, surface, records, proxy, facts.held_out)
         if key not in self._material_index:
             self._material_index[key] = len(self.materials)
             self.materials.append(self._on_object(material, facts, records, proxy))
@@ -276,6 +277,8 @@ class Reader:
             emission_texture=None if unknown else material.emission_texture,
             emission_known=material.emission_known and not unknown,
             opaque=material.opaque and not proxy and not facts.transparent,
+            closures=() if facts.held_out else material.closures,
+            held_out=facts.held_out,
             unsupported=material.unsupported + records,
         )
 
@@ -286,7 +289,13 @@ class Reader:
         surface = self._surface(next((s.material for s in shown.material_slots), None))
         return self._instance(shown, facts, len(self.meshes) - 1, [surface], proxy=True)
 
-    def _read_light(self, shown: Any, facts: _Facts, world: NDArray[np.float64]) -> None:
+    def read_light(
+        self, shown: Any, world: NDArray[np.float64], real: Any = None, parent: Any = None
+    ) -> None:
+        """Add a light object at `world` (4, 4), that of `real` under an instancer if given."""
+        facts = self._facts(shown, real or shown, parent or shown)
+        if not any(facts.visible.values()):
+            return
         record = self._record(shown, facts.name, world, visible_camera=facts.visible["camera"])
         if record.unknown == NOT_FINITE:
             self._left_out(facts.name, NOT_FINITE)

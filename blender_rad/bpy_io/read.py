@@ -58,6 +58,7 @@ def read_depsgraph(
     resolution: tuple[int, int] | None = None,
     maps: tuple[SkyMap, ...] = (),
     questions: Questions | None = None,
+    live: bool = False,
 ) -> Scene:
     """Return the scene of a render depsgraph, such as a render engine is given.
 
@@ -68,6 +69,7 @@ def read_depsgraph(
     resolution : (width, height) in pixels in place of the scene's own.
     maps : of its world, measured before: a render cannot start another.
     questions : gathers what Blender is to be asked after it.
+    live : of a viewport, which needs nothing of the files on the disk.
     """
     bl_scene = depsgraph.scene
     render = bl_scene.render
@@ -82,7 +84,7 @@ def read_depsgraph(
     space = working_space()
     return Scene(
         file=file,
-        sha256=_sha256(file),
+        sha256="" if live else _sha256(file),
         frame=bl_scene.frame_current,
         meshes=tuple(reader.meshes),
         instances=tuple(reader.instances),
@@ -110,7 +112,7 @@ def read_depsgraph(
             *world.unsupported,
             *(camera.unsupported if camera else ()),
         ),
-        findings=(*file_findings(), *_motion_blur(render), *reader.findings),
+        findings=(*(() if live else file_findings()), *_motion_blur(render), *reader.findings),
     )
 
 
