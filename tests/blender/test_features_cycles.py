@@ -13,7 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
+pytestmark = [
+    pytest.mark.blender,
+    pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Objects, lights and settings"),
+]
 bpy = pytest.importorskip("bpy")
 
 from .agreement import Sides, both_sides, lamp, look_at  # noqa: E402

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
+pytestmark = [
+    pytest.mark.blender,
+    pytest.mark.feature("irradiance at receivers, 0.3 %", area="IES files"),
+]
 bpy = pytest.importorskip("bpy")
 from mathutils import Matrix  # noqa: E402  (comes with bpy)
 

@@ -20,7 +20,7 @@ from blender_rad.lights import Light, LightRecord, light_from_record
 from blender_rad.lights.mesh import MeshLight
 from blender_rad.lights.world import WorldLight
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.feature("irradiance at receivers, 0.3 %")]
 bpy = pytest.importorskip("bpy")
 from mathutils import Matrix, Vector  # noqa: E402  (comes with bpy)
 

@@ -68,6 +68,7 @@ def lit_body(body: str, light: str) -> Sides:
     return both_sides((32, 32), ours=384, seeds=4, samples=64)
 
 
+@pytest.mark.feature("picture: tiles 0.5 %")
 @pytest.mark.parametrize("light", LIGHTS)
 @pytest.mark.parametrize("body", BODIES)
 def test_terminator_is_that_of_cycles(body: str, light: str) -> None:

@@ -207,6 +207,7 @@ def square(place: tuple[int, int], wire: Wiring) -> None:
     add("Square", mesh, location=(x + 0.5, y + 0.5, 0), scale=(0.5, 0.5, 1), visible_diffuse=False)
 
 
+@pytest.mark.feature("each node: tile 0.4 %", area="Shader nodes", rows=NODES)
 @pytest.mark.slow
 def test_every_node_is_that_of_cycles() -> None:
     """A square a node, a tile a square, seen from above."""
@@ -256,6 +257,7 @@ def panel(method: str = 'AUTO', *, one_sided: bool = False, reflects: bool = Fal
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Textured surfaces")
 @pytest.mark.parametrize(
     ("build", "shading"),
     [
@@ -305,13 +307,14 @@ def falls(output: str, smooth: float) -> Wiring:
 
 
 COORDINATE, GEOMETRY = "ShaderNodeTexCoord", "ShaderNodeNewGeometry"
+SOFT = {"shadow_soft_size": 0.2}
 BALL = {"shadow_soft_size": 0.3, "use_soft_falloff": False}
 LAMPS: dict[str, tuple[str, dict[str, Any], Wiring]] = {
     "gobo": ('SPOT', {"shadow_soft_size": 0, "spot_size": 1.2}, at(COORDINATE, "UV")),
     "point": ('POINT', {"shadow_soft_size": 0}, at(COORDINATE, "Normal")),
     "panel": ('AREA', {"shape": 'RECTANGLE', "size": 1, "size_y": 0.5}, at(COORDINATE, "UV")),
-    "fall": ('POINT', {"shadow_soft_size": 0.2}, falls("Linear", 0.0)),
-    "gobo-soft": ('SPOT', {"shadow_soft_size": 0.2}, at(COORDINATE, "UV", extension='CLIP')),
+    "fall": ('POINT', SOFT, falls("Linear", 0.0)),
+    "gobo-soft": ('SPOT', {**SOFT, "spot_size": 1.2}, at(COORDINATE, "UV", extension='CLIP')),
     "gobo-ball": ('SPOT', {**BALL, "spot_size": 1.2}, at(COORDINATE, "UV")),
     "soft": ('POINT', {"shadow_soft_size": 0.4}, at(COORDINATE, "Normal")),
     "ball": ('POINT', BALL, at(COORDINATE, "Normal")),
@@ -329,6 +332,7 @@ LAMPS: dict[str, tuple[str, dict[str, Any], Wiring]] = {
 QUICK = ("gobo", "point", "panel", "fall")
 
 
+@pytest.mark.feature("picture: tiles 1 %, energy 0.5 %", area="Lights with nodes")
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=SLOW) for n in LAMPS])
 def test_lamps_with_trees_are_those_of_cycles(name: str) -> None:
     kind, properties, wire = LAMPS[name]

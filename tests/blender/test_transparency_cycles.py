@@ -45,6 +45,7 @@ def panes(count: int = 3) -> None:
         add(f"Roof {k}", mesh, location=(-0.6, 0.1, 1.3 + 0.15 * k), **turned)
 
 
+@pytest.mark.feature("picture: tiles 1 %, energy 0.2 %")
 @pytest.mark.parametrize("film_transparent", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_panes(film_transparent: bool) -> None:
     panes()

@@ -134,6 +134,7 @@ CASES: dict[str, Callable[[], None]] = {
 QUICK = ("sky-nishita", "sky-single_scattering")
 
 
+@pytest.mark.feature("picture: tiles 1 %, energy 0.2 %")
 @pytest.mark.parametrize(
     "name",
     [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES],
