@@ -33,7 +33,6 @@ MOST_BOUNCES = 1024  # that Cycles takes
 # Of the notes on lights: errors whatever the picture, and what only may be meant otherwise.
 CERTAIN = {"negative-energy", "unit-scale"}
 POSSIBLE = {"soft-falloff", "not-normalised", "no-shadow", "spot-cone", "ies-efficacy"}
-ODD = ("Shadow catcher", "Holdout")
 LOSSY = ("DWAA", "DWAB", "B44", "B44A", "PXR24")
 
 
@@ -249,8 +248,11 @@ def _linking(lint: Lint) -> Iterator[Said]:
     for name in lint.scene.linking:
         yield Said(f"light linking {said}", effects.get(name), "warning", name)
     for one in lint.scene.unsupported:
-        if one.feature in ODD:
-            yield Said(f"{one.feature.lower()} {said}", None, "warning", one.name)
+        if one.feature == "Shadow catcher":
+            yield Said(f"a shadow catcher {said}", None, "warning", one.name)
+    held = {k for k, material in enumerate(lint.scene.materials) if material.held_out}
+    for name in {i.name for i in lint.scene.instances if held.intersection(i.materials)}:
+        yield Said("a holdout is a hole in the picture, whatever its light", None, "warning", name)
 
 
 @rule("soft-falloff", {"data.use_soft_falloff": False})

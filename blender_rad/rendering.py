@@ -28,9 +28,10 @@ from .direct import DirectLight, Share, Sightings
 from .emitters import WORLD_NAME, world_lights
 from .errors import RadError
 from .film import Film, lift, neighbourhood_mean
+from .holdouts import Holdouts
 from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
-from .scene import Camera, Scene, Unsupported
+from .scene import Camera, Material, Scene, Unsupported
 from .shading import Shading
 from .surfaces import Surface, dot, normalized, pick
 from .transparency import shaded_layers
@@ -127,7 +128,9 @@ class _Run:
     ) -> None:
         self.scene, self.camera, self.settings = scene, camera, settings
         self.light = light
-        materials, geometry = scene.materials, light.geometry
+        materials = [Material(m.name) if m.held_out else m for m in scene.materials]
+        geometry = light.geometry
+        self.holdouts = Holdouts(scene, geometry, light.transmission)
         self.albedo, self.emission, self.normals = (
             Shading(scene, geometry, colours, textures)
             for colours, textures in (
@@ -280,6 +283,9 @@ class _Run:
             if subpixel is not None:
                 surface = self._measured(surface, subpixel.take(batch.hits))
             leaving = self._surfaces(batch, surface)
+            if self.holdouts.exist:
+                held = batch.weighed(batch.spread(self.holdouts.at(surface)))
+                self.sums.alpha[batch.span] -= batch.total(held.mean(axis=1))
             if passed < self.shaded:
                 share = self.sightings.of(rows[batch.pixel_of_hit], stream.take(batch.hits))
                 points = uniform.take(batch.hits)

@@ -67,6 +67,9 @@ class Material:
         what to add to it where it varies.
     closures : what else reflects or lets light through.
     normal : what the shading normal is in place of the mesh's, of any length.
+    holdout, holdout_texture : (3,) share of the view that is neither light nor alpha, and what to
+        add to it where it varies.
+    held_out : whether that is all that the camera sees of it, and of what it does not let pass.
     measured : whether it is known only where the camera looks first, through `Scene.measured`.
     unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
     emission_known : False when it emits in a way that is not known: points that it may reach are
@@ -85,6 +88,9 @@ class Material:
     transmittance_texture: Expression | None = None
     closures: tuple[Closure, ...] = ()
     normal: Expression | None = None
+    holdout: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    holdout_texture: Expression | None = None
+    held_out: bool = False
     measured: bool = False
 
     @property

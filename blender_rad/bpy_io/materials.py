@@ -27,6 +27,7 @@ DEFAULT_NAME = "(no material)"
 DEFAULT_ALBEDO = 0.8  # Cycles' surface for empty slots, up to Blender 4.5
 
 _TRANSPARENT = "ShaderNodeBsdfTransparent"
+_HOLDOUT = "ShaderNodeHoldout"
 _DIFFUSE = "ShaderNodeBsdfDiffuse"
 _ALWAYS_PASS = {"ShaderNodeBsdfRayPortal", "ShaderNodeScript"}
 _GLASS = {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"}
@@ -71,6 +72,7 @@ class Surface:
     subsurface, displaced : whether Cycles leaves the normals in object space for it.
     closures : what reflects or lets through, and is not Lambert.
     normal : what the shading normal is, where displacement bends it.
+    holdout, holdout_texture : (3,) what is held out, and what of that varies.
     asked : sockets whose values Blender is asked for.
     """
 
@@ -91,12 +93,15 @@ class Surface:
     transmittance_texture: Expression | None = None
     closures: tuple[Closure, ...] = ()
     normal: Expression | None = None
+    holdout: Triple = BLACK
+    holdout_texture: Expression | None = None
     asked: tuple[str, ...] = ()
 
     @property
     def generated(self) -> bool:
         """Whether it looks at Generated coordinates."""
         textures = [self.albedo_texture, self.emission_texture, self.transmittance_texture]
+        textures.append(self.holdout_texture)
         for closure in self.closures:
             textures += [closure.weight, *closure.inputs.values(), closure.normal, closure.tangent]
         kinds = {kind for each in textures if each for kind in each.kinds}
@@ -130,6 +135,8 @@ def full(surface: Surface) -> Material:
         transmittance_texture=surface.transmittance_texture,
         closures=surface.closures,
         normal=surface.normal,
+        holdout=surface.holdout,
+        holdout_texture=surface.holdout_texture,
         measured=bool(surface.asked),
         emission_known=not emission,
         unsupported=tuple(Unsupported("material", surface.name, f) for f in features),
@@ -200,6 +207,8 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     albedo, albedo_texture = nodes.split(each for each in shaded if isinstance(each, Expression))
     emission, emission_texture = nodes.split(rgb for _, rgb in glowing if rgb)
     transmittance, transmittance_texture = nodes.split(rgb for rgb in passing if rgb)
+    held = (leaf.weight for leaf in others if leaf.node.bl_idname == _HOLDOUT)
+    holdout, holdout_texture = nodes.split(weight for weight in held if weight)
     return Surface(
         name=bl_material.name,
         albedo=albedo,
@@ -212,6 +221,8 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
         features=tuple(features),
         transmittance=transmittance,
         transmittance_texture=transmittance_texture,
+        holdout=holdout,
+        holdout_texture=holdout_texture,
         passes_shadow=None in passing or half or bool(volume) or displaced,
         transmits=passes or bool(volume) or any(map(_is_glass, closures)),
         subsurface=any(map(_subsurface, closures)),
@@ -228,7 +239,7 @@ def _shaded(leaf: Leaf, corrected: bool, ask: Ask | None) -> Expression | Closur
     beyond = [name for name in _BEYOND if nodes.input_number(leaf, name) != 0.0]
     if leaf.weight is None or beyond or _transmittance(leaf) is None:
         return " ".join((nodes.feature(leaf), *beyond))
-    if kind == _TRANSPARENT:
+    if kind in {_TRANSPARENT, _HOLDOUT}:
         return nodes.NOTHING
     tilted = "Normal" in node.inputs and nodes.source(node.inputs["Normal"], leaf.groups).output
     if kind == _DIFFUSE and not tilted and nodes.input_number(leaf, "Roughness") == 0.0:

@@ -12,7 +12,7 @@ from blender_rad.errors import Finding
 from blender_rad.inspection import PHOTOPIC, figure, inspect_lights
 from blender_rad.lights import LightRecord, SkyMap
 from blender_rad.quantities import K_M
-from blender_rad.scene import Instance, Linking, Material, Unsupported, World
+from blender_rad.scene import Instance, Linking, Material, World
 from tests.handmade import ball, moved, scene, square
 
 STRENGTH = 10.0
