@@ -23,6 +23,7 @@ from ._energy import compensation, layer_reflectance
 from ._fresnel import EdgeTint, Fresnel, Remapped, index_of, normal_reflectance
 from ._microfacet import Microfacet, Refraction, stretched, turned, unit
 from ._sheen import Sheen
+from .glass import relative_index
 
 NEGLIGIBLE = 1e-5  # weights up to here count as 0 in Cycles
 Layer = tuple[list[Lobe], Array]  # and the weight (n, 3) that it leaves below
@@ -90,11 +91,9 @@ def _glass(inputs: Inputs, weight: Array) -> Layer:
         return [], weight
     alpha = np.clip(inputs.number("Roughness"), 0.0, 1.0) ** 2
     normal, colour = inputs.glossy(), np.sqrt(_tone(inputs, "Base Color", 1.0))
-    ior = np.maximum(inputs.number("IOR"), NEGLIGIBLE)
+    ior, own = relative_index(inputs), share * weight
     f0 = normal_reflectance(ior)[:, None] * _tone(inputs, "Specular Tint")
-    if inputs.backfacing is not None:
-        ior = np.where(inputs.backfacing, 1.0 / ior, ior)
-    face, own = Remapped(ior, np.minimum(f0, 1.0)), share * weight
+    face = Remapped(ior, np.minimum(f0, 1.0))
     if _multiple(inputs):
         mean = np.where(colour.any(axis=1, keepdims=True), colour, face.mean)
         factor, dark = compensation(dot(normal, inputs.wo), alpha, mean, ior)
@@ -107,7 +106,7 @@ def _glass(inputs: Inputs, weight: Array) -> Layer:
 
 def _gloss(inputs: Inputs, weight: Array) -> Layer:
     """Return the dielectric's reflection, its index changed to reflect 2 × Specular IOR Level."""
-    ior = np.maximum(inputs.number("IOR"), NEGLIGIBLE)
+    ior = np.maximum(inputs.number("IOR"), 1e-5)
     level = np.maximum(inputs.number("Specular IOR Level", 0.5), 0.0)
     f0 = normal_reflectance(ior) * 2.0 * level
     other = index_of(f0) ** np.where(ior < 1.0, -1.0, 1.0)

@@ -15,8 +15,8 @@ GOLDEN = 0.6180339887498949
 COSINES = (1.0, 0.8, 0.5, 0.2)
 LOST = 0.015  # at most, where every bounce is given back
 WHITE = dict.fromkeys(("Base Color", "Alpha", "Specular Tint", "Coat Tint", "Sheen Tint"), 1.0)
-DEFAULTS = WHITE | {"Roughness": 0.5, "IOR": 1.5, "Specular IOR Level": 0.5}
-DEFAULTS |= {"Coat Roughness": 0.03, "Coat IOR": 1.5, "Sheen Roughness": 0.5}
+INDICES = {"IOR": 1.5, "Coat IOR": 1.5, "Specular IOR Level": 0.5}
+DEFAULTS = WHITE | INDICES | {"Roughness": 0.5, "Coat Roughness": 0.03, "Sheen Roughness": 0.5}
 COAT = {"Coat Weight": 1.0, "Coat Roughness": 0.5}
 CASES: dict[str, dict[str, float]] = {
     "default": {},
