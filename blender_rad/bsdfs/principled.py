@@ -69,7 +69,8 @@ def _covers(inputs: Inputs) -> Layer:
         face = Remapped(ior, normal_reflectance(ior)[:, None])
         lobe, taken = faces.reflecting(coat * weight, face)
         cosine = np.sqrt(1.0 - (1.0 - faces.cosine**2) / ior**2)
-        absorbed = coat * (1.0 - _tone(inputs, "Coat Tint") ** (1.0 / cosine)[:, None])
+        way = 1.0 / np.maximum(cosine, 0.01)[:, None]  # finite, too, for tints above 1
+        absorbed = coat * (1.0 - _tone(inputs, "Coat Tint") ** way)
         weight = _under(weight, coat * taken) * np.maximum(1.0 - absorbed, 0.0)
         lobes.append(lobe)
     return lobes, weight
