@@ -97,7 +97,7 @@ def clear(node: int) -> Tables:
         through = _kept(alpha, out, (seen / ior - bent) * up - out / ior)
         return share * _reflected(alpha, out, seen, up) + (1.0 - share) * through
 
-    return _tables(16, term)
+    return _tables(16, term, (987, 610) if node >= 0 else (2584, 1597))
 
 
 @lru_cache(maxsize=16)

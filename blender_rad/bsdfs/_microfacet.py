@@ -12,9 +12,9 @@ Function, 2014). With t = tan²θ/α² in the direction at hand, GGX has D = 1/(
 (1 + t)²) and Λ = (√(1 + α² tan²θ) − 1)/2; Beckmann D = exp(−t)/(π α_x α_y cos⁴θ) and Walter's
 rational fit of Λ, which is Cycles' too.
 
-Both are sampled by the visible normals of GGX, density D cosθ_m-projected G₁(o): Beckmann's D is at
-most 4/e of GGX's, so no inverse of erf is needed. A face with α_x α_y ≤ 2e-10 is sharp, as in
-Cycles: a spike that sampling finds and the light of points does not.
+Both are sampled by the visible normals of GGX: Beckmann's D is at most 4/e of GGX's, so that no
+inverse of erf is needed. A face with α_x α_y ≤ 2e-10 is sharp, as in Cycles: a spike that sampling
+finds and the light of points does not.
 """
 
 from __future__ import annotations
@@ -137,12 +137,17 @@ class Microfacet(Lobe):
             value = spread / (1.0 + beckmann_masking(out) + beckmann_masking(back))
         else:
             value = ggx / (1.0 + ggx_masking(out) + ggx_masking(back))
+        density = self._sampled(density, wi, m)
         sharp = self._sharp()
         if sharp.any():
             found = np.all(np.abs(wi - self._leaving(self._level())) < WIDTH, axis=1)
             spike = np.where(found & (dot(wi, wi) > 0.0), SPIKE, 0.0)
             value, density = np.where(sharp, spike, value), np.where(sharp, spike, density)
         return self._passed(np.abs(dot(wo, m))) * value[:, None], density
+
+    def _sampled(self, density: Array, wi: Array, m: Array) -> Array:
+        """Return the density of `sample`, of that by visible normals."""
+        return density
 
     def _level(self) -> Array:
         return np.broadcast_to(np.array([0.0, 0.0, 1.0]), self.wo.shape)
@@ -172,6 +177,8 @@ class Refraction(Microfacet):
     """Refraction by rough faces of what the Fresnel factor does not reflect; all of it without.
 
     Radiance is not compressed, as in Cycles, so that f(i, o) = η² f(o, i) seen from either side.
+    Nor does Cycles ask of light that it samples whether m faces both ways: at grazing angles that
+    makes energy, up to half as much again. `sample` goes there by even directions.
 
     Attributes
     ----------
@@ -180,19 +187,39 @@ class Refraction(Microfacet):
 
     reciprocal: ClassVar[bool] = False
     transmits: ClassVar[bool] = True
+    conserves: ClassVar[bool] = False
+    ray: ClassVar[str] = "transmission"
     ior: Array = field(kw_only=True)
 
     def _sharp(self) -> NDArray[np.bool_]:
         return super()._sharp() | (np.abs(self.ior - 1.0) < 1e-4)
 
+    def _even(self) -> Array:
+        """Return the share (n,) of directions that are sampled evenly, about that of such light."""
+        return np.where(self._sharp(), 0.0, 0.2 * self.alpha_x)
+
     def _facets(self, wi: Array) -> tuple[Array, Array]:
-        sum_ = self.wo + self.ior[:, None] * wi
-        m = unit(sum_)
-        m = m * np.where(m[:, 2:] < 0.0, -1.0, 1.0)
-        out, back = dot(self.wo, m), dot(wi, m)
-        valid = (wi[:, 2] < 0.0) & (out > 0.0) & (back < 0.0)
-        area = self.ior**2 * np.abs(out * back) / np.maximum(dot(sum_, sum_), 1e-30)
-        return m, np.where(valid, area, 0.0)
+        half = self.wo + self.ior[:, None] * wi
+        m = unit(half) * np.where(half[:, 2:] < 0.0, -1.0, 1.0)
+        out, square = dot(self.wo, m), self.ior**2
+        area = square * np.abs(out * dot(wi, m)) / np.maximum(dot(half, half), 1e-30)
+        return m, np.where((wi[:, 2] < 0.0) & (square - 1.0 + out * out > 0.0), area, 0.0)
+
+    def _sampled(self, density: Array, wi: Array, m: Array) -> Array:
+        faces = (dot(self.wo, m) > 0.0) & (dot(wi, m) < 0.0)
+        even = self._even() * (wi[:, 2] < 0.0) / (2.0 * np.pi)
+        return even + (1.0 - self._even()) * np.where(faces, density, 0.0)
+
+    def sample(self, u: Array) -> Array:
+        even = self._even()
+        again = (u[:, 0] - even) / (1.0 - even)
+        wi = super().sample(np.stack([np.maximum(again, 0.0), u[:, 1]]).T)
+        rows = np.flatnonzero(again < 0.0)
+        down, turn = -u[rows, 0] / even[rows], 2.0 * np.pi * u[rows, 1]
+        flat = np.sqrt(1.0 - down**2)
+        local = np.stack([flat * np.cos(turn), flat * np.sin(turn), down]).T
+        wi[rows] = Frame(*(axis[rows] for axis in self.frame)).world(local)
+        return wi
 
     def _leaving(self, m: Array) -> Array:
         cosine, share = dot(self.wo, m), 1.0 / self.ior

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class Velvet(Lobe):
     sigma : (n,) σ.
     """
 
+    ray: ClassVar[str] = "diffuse"
     weight: Array
     frame: Frame
     wo: Array

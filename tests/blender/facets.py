@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Closure nodes as Cycles shows them on little quads, under a sun without extent.
+
+A pixel is a quad with a normal of its own, seen along −z: its radiance is f |cosθ_i| × 1 W/m².
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import OpenEXR
+from mathutils import Matrix, Vector
+from numpy.typing import NDArray
+
+from blender_rad.bpy_io.quiet import quiet_stdout
+from blender_rad.bsdfs import Inputs, lobes
+
+from .reading import add, empty_scene, light, material, node, polygons
+
+Array = NDArray[np.float64]
+HALF = 0.05  # of a quad's side, in pixels
+GRAZING = 0.05  # least cosine: flatter quads miss their pixel
+VIEW = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A shader node: what is typed into it, its tangent, and how far around its peak to look."""
+
+    kind: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    tangent: tuple[float, float, float] | None = None
+    spread: float = 1.0
+
+    def material(self) -> Any:
+        made = material(self.kind, self.kind)
+        tree = made.node_tree
+        shader = next(n for n in tree.nodes if n.bl_idname == self.kind)
+        for name, value in self.settings.items():
+            setattr(shader, name, value)
+        for name, value in self.values.items():
+            socket = shader.inputs[name]
+            socket.default_value = (*value, 1.0) if socket.type == 'RGBA' else value
+        if self.tangent:
+            vector = node(
+                tree, "ShaderNodeCombineXYZ", **dict(zip("XYZ", self.tangent, strict=True))
+            )
+            tree.links.new(vector.outputs[0], shader.inputs["Tangent"])
+        return made
+
+    def frames(self, wi: Array, count: int, rng: np.random.Generator) -> Array:
+        """Return frames (count, 3, 3) of quads, z about what mirrors or refracts wi to the view."""
+        ior = self.values.get("IOR", 1.0)
+        bends = np.ndim(ior) == 0 and wi[2] < 0.0
+        ways = [VIEW + ior * wi, -VIEW - wi / ior] if bends else [VIEW + wi]
+        found = np.concatenate([around(way, self.spread, 8 * count, rng) for way in ways])
+        cosines = np.abs(found[:, :, 2] @ np.stack([VIEW, wi], axis=1))
+        return rng.permutation(found[cosines.min(axis=1) > GRAZING])[:count]
+
+    def ours(self, normals: Array, wi: Array) -> Array:
+        """Return f |cosθ_i| (k, 3) at quads seen along −z; normals (k, 3) of their fronts."""
+        back = normals[:, 2] < 0.0
+        seen = np.where(back[:, None], -normals, normals)
+        wo, many = np.tile(VIEW, (len(seen), 1)), np.tile(wi, (len(seen), 1))
+        values = {n: np.atleast_2d(np.asarray(v, float)) for n, v in self.values.items()}
+        tangent = np.tile(self.tangent, (len(seen), 1)) if self.tangent else None
+        inputs = Inputs(
+            values, self.settings, np.ones_like(seen), seen, seen, wo, tangent, back,
+            bpy.app.version,
+        )  # fmt: skip
+        return sum(lobe.weight * lobe.evaluate(many)[0] for lobe in lobes(self.kind, inputs))
+
+
+def around(middle: Array, spread: float, count: int, rng: np.random.Generator) -> Array:
+    """Return frames (count, 3, 3) with z at slopes of a few times `spread` to a vector."""
+    slope = spread * 10.0 ** rng.uniform(-1.5, 0.8, count)
+    start = Vector(middle).to_track_quat('Z', 'X').to_matrix()
+    turn, spin = 2 * np.pi * rng.random((2, count))
+    return np.array([
+        start @ Matrix.Rotation(t, 3, 'Z') @ Matrix.Rotation(a, 3, 'X') @ Matrix.Rotation(s, 3, 'Z')
+        for t, a, s in zip(turn, np.arctan(slope), spin, strict=True)
+    ])  # fmt: skip
+
+
+def shot(closures: Sequence[Closure], frames: Sequence[Array], wi: Array, folder: Path) -> Array:
+    """Return what Cycles shows of closures at quads of frames, (closures, quads, 3)."""
+    scene = empty_scene()
+    rows, columns = len(closures), len(frames[0])
+    corners = [(-HALF, -HALF, 0), (HALF, -HALF, 0), (HALF, HALF, 0), (-HALF, HALF, 0)]
+    for row, (closure, rotations) in enumerate(zip(closures, frames, strict=True)):
+        mesh = polygons("Quad", corners, [(0, 1, 2, 3)])  # instanced, so its normal stays exact
+        mesh.materials[0] = closure.material()
+        for column, rotation in enumerate(rotations):
+            place = Matrix.Translation((column + 0.5, rows - row - 0.5, 0.0))
+            add("Quad", mesh, matrix_world=place @ Matrix(rotation.tolist()).to_4x4())
+    sun = light('SUN', angle=0.0, energy=1.0, use_shadow=False)
+    sun.rotation_euler = Vector(-wi).to_track_quat('-Z', 'Y').to_euler()
+    view = bpy.data.cameras.new("Camera")
+    view.type, view.ortho_scale = 'ORTHO', float(max(rows, columns))
+    scene.camera = add("Camera", view, location=(columns / 2, rows / 2, 10.0))
+    cycles, render = scene.cycles, scene.render
+    render.engine, render.resolution_x, render.resolution_y = 'CYCLES', columns, rows
+    cycles.samples, cycles.max_bounces, cycles.use_denoising = 1, 0, False
+    cycles.pixel_filter_type, cycles.filter_width = 'BOX', 0.01
+    cycles.use_adaptive_sampling, cycles.light_sampling_threshold = False, 0.0
+    render.threads_mode, render.threads = 'FIXED', 1
+    render.image_settings.file_format, render.image_settings.color_depth = 'OPEN_EXR', '32'
+    render.filepath = str(folder / "shot.exr")
+    with quiet_stdout():
+        bpy.ops.render.render(write_still=True)
+    with OpenEXR.File(render.filepath) as file:
+        return np.asarray(file.channels()["RGBA"].pixels[..., :3], np.float64)
