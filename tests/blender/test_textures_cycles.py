@@ -21,7 +21,6 @@ from .test_features_cycles import agrees, stage
 COLUMNS = 12
 NODE = 0.004  # of a tile's mean: what is left are edges of steps, which both sides sample
 GOBO = 0.005  # of energy
-NOISE_OF_SAMPLING = 0.01  # of energy, where Cycles finds the emitter by chance
 Wiring = Callable[[Any, Any], Any]
 
 
@@ -235,7 +234,7 @@ def floor(**image: Any) -> None:
     lamp('POINT', (-1, -1.2, 2.5), shadow_soft_size=0.1)
 
 
-def panel(method: str = 'AUTO', *, one_sided: bool = False, reflects: bool = False) -> None:
+def panel(*, one_sided: bool = False, reflects: bool = False) -> None:
     """A textured square that glows, from its back alone where it is one-sided."""
     stage()
     mesh = with_uv(polygons("Panel", *SQUARE))
@@ -243,7 +242,6 @@ def panel(method: str = 'AUTO', *, one_sided: bool = False, reflects: bool = Fal
     tree = created.node_tree
     glow = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission")
     textured(tree, glow.inputs["Color"], None, picture(4), interpolation='Closest')
-    created.cycles.emission_sampling = method
     if one_sided:
         side = tree.nodes.new("ShaderNodeNewGeometry")
         dark = node(tree, "ShaderNodeBsdfDiffuse") if reflects else node(tree, "ShaderNodeEmission")
@@ -274,15 +272,6 @@ def test_textured_surfaces_are_those_of_cycles(build: Callable[[], None], shadin
     build()
     more = {"ours": 384, "seeds": 12, "samples": 128} if build not in (floor, panel) else {}
     agrees(both_sides((48, 32), shading=shading, **more))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ['NONE', 'FRONT'])
-def test_how_emission_is_sampled_changes_its_noise_alone(method: str) -> None:
-    panel(method)
-    whole, error = both_sides((48, 32), ours=64, seeds=4, samples=256).energy()
-    assert error < NOISE_OF_SAMPLING
-    assert abs(whole) < 3 * error
 
 
 # --- lamps ----------------------------------------------------------------------------------------

@@ -14,11 +14,14 @@ import pytest
 pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 
-from .agreement import both_sides, lamp  # noqa: E402
+from blender_rad.meters import LuxMeter  # noqa: E402
+
+from .agreement import both_sides, lamp, look_at  # noqa: E402
 from .reading import SQUARE, add, material, polygons  # noqa: E402
 from .test_features_cycles import SIZE, agrees, stage, world  # noqa: E402
 
 TINT = (0.9, 0.5, 0.2, 1.0)
+FLOOR = 0.8  # albedo
 
 
 def tinted() -> Any:
@@ -73,3 +76,27 @@ def test_bounces_are_counted_as_cycles_counts_them(bounces: int) -> None:
     theirs = sides.seeds[..., :3].mean(axis=0, dtype=float)
     off = np.abs(theirs[kept].mean() / sides.film.radiance[kept].mean() - 1)
     assert off < 0.004
+
+
+@pytest.mark.feature("illuminance on average: 0.2 % in each channel")
+def test_lux_meters_behind_panes() -> None:
+    """A meter on each pixel of the floor under tinted roofs: E = πL/albedo of what Cycles sees."""
+    panes()
+    lamp('AREA', (-1, -1.2, 2.9), color=(0.4, 0.7, 1.0))
+    lamp('SUN', (0.3, 0.2, 3), energy=2.0, angle=0.2)
+    world()
+    middle, size, wide = np.array([-0.5, 0.1, 0.0]), (15, 10), 0.6
+    down = look_at((*middle[:2], 0), (*middle[:2], 0.9), type='ORTHO', ortho_scale=wide)
+    down.rotation_euler = (0, 0, 0)
+    sides = both_sides(size, ours=2, samples=256)
+    rows, columns = np.indices(size[::-1]).reshape(2, -1) + 0.5
+    places = np.stack([columns - size[0] / 2, size[1] / 2 - rows, 0 * rows], axis=1)
+    points = middle + places * (wide / size[0])
+    meter = LuxMeter(sides.scene, efficacy=1.0, error=0.05, threads=2)
+    readings = meter.read(points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+    seen = sides.seeds[..., :3].mean(axis=(1, 2), dtype=float) * np.pi / FLOOR
+    error = seen.std(axis=0, ddof=1) / np.sqrt(len(seen))
+    found = readings.irradiance.mean(axis=0)
+    assert not readings.excluded
+    assert (found.max() > 1.5 * found.min()) and (error < 0.002 * found).all()
+    assert (np.abs(seen.mean(axis=0) - found) < 0.002 * found + 3 * error).all()
