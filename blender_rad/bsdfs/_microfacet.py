@@ -92,7 +92,7 @@ class Microfacet(Lobe):
     ----------
     weight : (n, 3).
     frame : x along the tangent, z along the normal on the viewer's side.
-    wo : (n, 3) towards the viewer, in the frame; see `of`.
+    wo : (n, 3) towards the viewer, in the frame.
     alpha_x, alpha_y : (n,) in [0, 1], the roughness squared.
     fresnel : of the facets, or None for 1.
     beckmann : Beckmann's distribution instead of GGX.
@@ -141,7 +141,7 @@ class Microfacet(Lobe):
         sharp = self._sharp()
         if sharp.any():
             found = np.all(np.abs(wi - self._leaving(self._level())) < WIDTH, axis=1)
-            spike = np.where(found & (dot(wi, wi) > 0.0), SPIKE, 0.0)
+            spike = np.where(found & (wi[:, 2] != 0.0) & (wo[:, 2] > 0.0), SPIKE, 0.0)
             value, density = np.where(sharp, spike, value), np.where(sharp, spike, density)
         return self._passed(np.abs(dot(wo, m))) * value[:, None], density
 
@@ -178,7 +178,7 @@ class Refraction(Microfacet):
 
     Radiance is not compressed, as in Cycles, so that f(i, o) = η² f(o, i) seen from either side.
     Nor does Cycles ask of light that it samples whether m faces both ways: at grazing angles that
-    makes energy, up to half as much again. `sample` goes there by even directions.
+    makes energy, up to half as much again. `sample` goes there by Lambert's cosine.
 
     Attributes
     ----------
@@ -194,8 +194,8 @@ class Refraction(Microfacet):
     def _sharp(self) -> NDArray[np.bool_]:
         return super()._sharp() | (np.abs(self.ior - 1.0) < 1e-4)
 
-    def _even(self) -> Array:
-        """Return the share (n,) of directions that are sampled evenly, about that of such light."""
+    def _by_cosine(self) -> Array:
+        """Return the share (n,) of directions sampled so, about that of such light."""
         return np.where(self._sharp(), 0.0, 0.2 * self.alpha_x)
 
     def _facets(self, wi: Array) -> tuple[Array, Array]:
@@ -207,17 +207,17 @@ class Refraction(Microfacet):
 
     def _sampled(self, density: Array, wi: Array, m: Array) -> Array:
         faces = (dot(self.wo, m) > 0.0) & (dot(wi, m) < 0.0)
-        even = self._even() * (wi[:, 2] < 0.0) / (2.0 * np.pi)
-        return even + (1.0 - self._even()) * np.where(faces, density, 0.0)
+        lambert = self._by_cosine() * np.maximum(-wi[:, 2], 0.0) / np.pi
+        return lambert + (1.0 - self._by_cosine()) * np.where(faces, density, 0.0)
 
     def sample(self, u: Array) -> Array:
-        even = self._even()
-        again = (u[:, 0] - even) / (1.0 - even)
+        lambert = self._by_cosine()
+        again = (u[:, 0] - lambert) / (1.0 - lambert)
         wi = super().sample(np.stack([np.maximum(again, 0.0), u[:, 1]]).T)
         rows = np.flatnonzero(again < 0.0)
-        down, turn = -u[rows, 0] / even[rows], 2.0 * np.pi * u[rows, 1]
-        flat = np.sqrt(1.0 - down**2)
-        local = np.stack([flat * np.cos(turn), flat * np.sin(turn), down]).T
+        square, turn = u[rows, 0] / lambert[rows], 2.0 * np.pi * u[rows, 1]
+        flat = np.sqrt(1.0 - square)
+        local = np.stack([flat * np.cos(turn), flat * np.sin(turn), -np.sqrt(square)]).T
         wi[rows] = Frame(*(axis[rows] for axis in self.frame)).world(local)
         return wi
 
