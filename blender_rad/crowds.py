@@ -26,10 +26,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .bsdfs._base import picked
 from .cameras import camera_rays
 from .emitters import Emitter
 from .film import REST
-from .lights import Light, LightSample
+from .lights import RAYS, Light, LightSample
 from .sampling import Points
 from .scene import Camera, Scene
 from .surfaces import Surface, dot, normalized, pick
@@ -306,7 +307,7 @@ def gathered(light: DirectLight, scene: Scene, camera: Camera, *, per_light: boo
 def _can_join(emitter: Emitter) -> bool:
     """Return whether it may be one of many; parallel beams, suns and the world may not."""
     light = emitter.light
-    known = emitter.cause is None and light.cast_shadow
+    known = emitter.cause is None and light.cast_shadow and light.reaches == RAYS
     return known and bool(np.isfinite(light.peak_radiant_intensity()).all() and light.rgb.any())
 
 
@@ -358,7 +359,7 @@ def _tried(
         kind = np.flatnonzero(kind_of == number)
         sampled = partial(_sampled, one, place, places, u)
         for own in (kind[k : k + together] for k in range(0, len(kind), together)):
-            many = _taken(surface, np.tile(np.arange(points), len(own)))
+            many = picked(surface, np.tile(np.arange(points), len(own)))
             sample = sampled(own, many.point, many.normal)
             cosine = dot(many.normal, sample.wi)
             value = np.maximum(cosine, 0.0) * _luminance(sample) * np.repeat(luminance[own], points)
@@ -399,12 +400,6 @@ def _sampled(  # noqa: PLR0917
     each = len(points) // len(own)
     at = {place: np.repeat(places[own], each, axis=0)} if place else {}
     return replace(one, **at).sample(points, normals, np.tile(u[:each], (len(own), 1)))
-
-
-def _taken(surface: Surface, rows: Ints) -> Surface:
-    """Return `rows` of the surface."""
-    every: list[Any] = [getattr(surface, field.name) for field in fields(surface)]
-    return Surface(*(None if each is None else each[rows] for each in every))
 
 
 def _luminance(sample: LightSample) -> Floats:

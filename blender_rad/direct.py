@@ -14,6 +14,8 @@ where the light is all visible (c = V = 1) or all hidden (c = V = 0), and in bet
 visibility leaves open is noisy. c gathers over the streams' whole history: samples of one index in
 two streams follow the same pattern of digits, and the mean of c (E₀ - f) over equal indices would
 not fall with their number.
+
+What other closures than Lambert's make of the light is left to `closures`; rays are shared.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .closures import Scattering
 from .crowds import Crowd
 from .emitters import Emitter, emitters
 from .lights import LightSample
@@ -39,6 +42,7 @@ Bools = NDArray[np.bool_]
 
 # Of the distance to a light: what lies nearer to it than this is the light.
 TARGET_SHORTENING = 1e-5
+DRAWN = -3  # number of the points that closures are sampled by
 
 
 class Visibility:
@@ -94,12 +98,14 @@ class Arrival(NamedTuple):
     irradiance : (n,) estimates.
     exclusions : points for which they can't be trusted.
     tint : (n, 3) factor on the light's `rgb`; None for 1.
+    scattered : (n, 3) radiance that closures send to the viewer; None without any.
     """
 
     emitter: Emitter
     irradiance: Floats
     exclusions: list[Exclusion]
     tint: Floats | None = None
+    scattered: Floats | None = None
 
     @property
     def rgb(self) -> Floats:
@@ -168,9 +174,14 @@ class DirectLight:
         self.emitters, self.names = emitters(scene)
 
     def arrivals(
-        self, surface: Surface, share: Share, uniform: Callable[[int], Floats], passed: int = 0
+        self,
+        surface: Surface,
+        share: Share,
+        uniform: Callable[[int], Floats],
+        passed: int = 0,
+        scattering: Scattering | None = None,
     ) -> Iterator[Arrival]:
-        """Yield the light of each emitter that reaches any of the points.
+        """Yield the light of emitters that reaches any of the points, in one part or two.
 
         Parameters
         ----------
@@ -178,19 +189,27 @@ class DirectLight:
         share : gives c (n,), such as `Sightings.share`.
         uniform : gives points (n, 2) in [0, 1) for the emitter of a number.
         passed : transparent surfaces in front of them.
+        scattering : closures at the points.
         """
+        if scattering is not None:
+            scattering.draw(uniform(DRAWN))
         for crowd in self.crowds:
-            yield self._from_crowd(crowd, surface, uniform, passed)
+            yield self._from_crowd(crowd, surface, uniform, passed, scattering)
         for number, emitter in enumerate(self.emitters):
-            sample = emitter.light.sample(surface.point, surface.normal, uniform(number))
-            cosine = dot(surface.normal, sample.wi)
-            value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
-            if self.geometry.shading_is_shifted:
-                value *= self._terminator_shading(surface, cosine)
-            unlit = self.links.unlit(emitter.light.name, surface.instance)
+            light = emitter.light
+            unlit = self.links.unlit(light.name, surface.instance)
+            if scattering is not None:
+                yield from self._met(emitter, surface, scattering, unlit, passed)
+            sample = light.sample(surface.point, surface.normal, uniform(number))
+            value, cosine = self._received(surface, sample)
+            if "diffuse" not in light.reaches:
+                value[:] = 0.0
+            glow = None if scattering is None else scattering.lit(light, sample)
             if unlit is not None:
                 value[unlit] = 0.0
-            lit = np.flatnonzero(value)
+                if glow is not None:
+                    glow[unlit] = 0.0
+            lit = _lit(value, glow)
             if not len(lit):
                 continue
             seen, through, exclusions = self.seen(
@@ -213,19 +232,61 @@ class DirectLight:
                 missing = value[lit, None] * (through - seen[:, None])
                 coloured[lit] += _over(missing, irradiance[lit])
                 tint = coloured if tint is None else coloured * tint
-            yield Arrival(emitter, irradiance, exclusions, tint)
+            if glow is not None:
+                glow = _passed(glow * light.rgb, lit, seen, through)
+            yield Arrival(emitter, irradiance, exclusions, tint, glow)
+
+    def _received(self, surface: Surface, sample: LightSample) -> tuple[Floats, Floats]:
+        """Return the irradiance (n,) over `rgb` of unhidden samples, and their cosines (n,)."""
+        cosine = dot(surface.normal, sample.wi)
+        value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
+        if self.geometry.shading_is_shifted:
+            value *= self._terminator_shading(surface, cosine)
+        return value, cosine
+
+    def _met(
+        self,
+        emitter: Emitter,
+        surface: Surface,
+        scattering: Scattering,
+        unlit: Bools | None,
+        passed: int,
+    ) -> Iterator[Arrival]:
+        """Yield what of the emitter the samples of closures meet, if anything."""
+        found = scattering.found(emitter.light)
+        if found is None:
+            return
+        sample, glow = found
+        if unlit is not None:
+            glow[unlit] = 0.0
+        nothing = np.zeros(len(glow))
+        lit = _lit(nothing, glow)
+        if not len(lit):
+            return
+        cosine = dot(surface.normal, sample.wi)
+        seen, through, exclusions = self.seen(emitter, surface, sample, cosine, lit, passed=passed)
+        if emitter.cause is not None:
+            exclusions = [Exclusion(lit[seen > 0.0], emitter.cause), *exclusions]
+        glow = _passed(glow * emitter.light.rgb, lit, seen, through)
+        yield Arrival(emitter, nothing, exclusions, scattered=glow)
 
     def _from_crowd(
-        self, crowd: Crowd, surface: Surface, uniform: Callable[[int], Floats], passed: int
+        self,
+        crowd: Crowd,
+        surface: Surface,
+        uniform: Callable[[int], Floats],
+        passed: int,
+        scattering: Scattering | None,
     ) -> Arrival:
         """Return the light of a crowd."""
         total, exclusions = np.zeros((len(surface.point), 3)), list[Exclusion]()
+        scattered = None if scattering is None else np.zeros_like(total)
         for sample, rgb in crowd.sample(surface.point, surface.normal, uniform):
-            cosine = dot(surface.normal, sample.wi)
-            value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
-            if self.geometry.shading_is_shifted:
-                value *= self._terminator_shading(surface, cosine)
-            lit = np.flatnonzero(value)
+            value, cosine = self._received(surface, sample)
+            glow = None
+            if scattering is not None:
+                glow = scattering.lit(crowd.emitter.light, sample, alone=True) * rgb
+            lit = _lit(value, glow)
             if not len(lit):
                 continue
             seen, through, found = self.seen(
@@ -234,12 +295,14 @@ class DirectLight:
             exclusions += found
             passing = seen[:, None] if through is None else through
             total[lit] += value[lit, None] * rgb[lit] * passing
+            if glow is not None and scattered is not None:
+                scattered += _passed(glow, lit, seen, through)
         brightest = np.abs(total).max(axis=1)
-        return Arrival(crowd.emitter, brightest, exclusions, _over(total, brightest))
+        return Arrival(crowd.emitter, brightest, exclusions, _over(total, brightest), scattered)
 
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
         """Return the unoccluded irradiance (n,), nan where no closed form holds."""
-        if emitter.light.is_delta:
+        if emitter.light.is_delta or "diffuse" not in emitter.light.reaches:
             return None
         exact = emitter.light.irradiance(surface.point, surface.normal)
         if exact is not None and self.geometry.shading_is_shifted:
@@ -293,6 +356,18 @@ class DirectLight:
         through = np.zeros((len(lit), 3))
         through[rows] = share
         return through.mean(axis=1), through, exclusions
+
+
+def _lit(value: Floats, glow: Floats | None) -> Ints:
+    """Return the points (k,) at which anything of `value` (n,) and `glow` (n, 3) is not 0."""
+    return np.flatnonzero(value if glow is None else (value != 0.0) | glow.any(axis=1))
+
+
+def _passed(glow: Floats, lit: Ints, seen: Bools | Floats, through: Floats | None) -> Floats:
+    """Return what of `glow` (n, 3) comes through, as `DirectLight.seen` tells of `lit` (k,)."""
+    share = np.zeros_like(glow)
+    share[lit] = seen[:, None] if through is None else through
+    return glow * share
 
 
 def _over(values: Floats, divisor: Floats) -> Floats:

@@ -3,18 +3,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .lights import Light
+from .lights import RAYS, Light
 from .lights.mesh import MeshLight
 from .lights.world import WHOLE, Portal, WorldLight
 from .rays import transform_points
-from .scene import Instance, Material, Mesh, Scene, Unsupported
+from .scene import Instance, Material, Mesh, Scene, Unsupported, World
 from .shading import Ints, context_on
 from .textures import Expression
 
@@ -49,14 +49,17 @@ def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
             else:
                 unknown.append((light, _cause(material.unsupported, "material", material.name)))
     world = scene.world
-    if world.visible_diffuse:
-        known += world_lights(scene)
-    if world.visible_diffuse and not world.known:
+    known += world_lights(scene)
+    if not world.known:
         cause = _cause(world.unsupported, "world", WORLD_NAME)
-        unknown.append((WorldLight(name=WORLD_NAME, rgb=np.ones(3)), cause))
+        everywhere = WorldLight(name=WORLD_NAME, rgb=np.ones(3), reaches=_reaches(world))
+        unknown.append((everywhere, cause))
     for light in scene.unknown_lights:
         own = tuple(u for u in scene.unsupported if u.kind == "light" and u.name == light.name)
         unknown.append((light, _cause(own, "light", light.name)))
+    counts = RAYS if any(m.closures for m in scene.materials) else RAYS[:1]
+    known = [light for light in known if not set(counts).isdisjoint(light.reaches)]
+    unknown = [(light, why) for light, why in unknown if not set(counts).isdisjoint(light.reaches)]
     names = list(dict.fromkeys(light.name for light in known))
     found = [Emitter(light, names.index(light.name)) for light in known]
     return found + [Emitter(light, -1, cause) for light, cause in unknown], names
@@ -68,25 +71,30 @@ def world_lights(scene: Scene) -> list[WorldLight]:
     if not world.known:
         return []
     portals = tuple(p for p in map(Portal.from_record, scene.light_records) if p)
-    found: list[WorldLight] = []
+    reaches, found = _reaches(world), list[WorldLight]()
     if any(world.radiance):
         rgb = np.array(world.radiance)
-        found = [WorldLight(name=WORLD_NAME, rgb=rgb, portals=portals)]
+        found = [WorldLight(name=WORLD_NAME, rgb=rgb, portals=portals, reaches=reaches)]
     return found + [
         WorldLight(
             name=WORLD_NAME,
             rgb=np.full(3, sky.scale),
             sky=sky,
             portals=portals if sky.half == WHOLE else (),
+            reaches=reaches,
         )
         for sky in world.maps
         if sky.scale
     ]
 
 
+def _reaches(seen: Instance | World) -> tuple[str, ...]:
+    return tuple(ray for ray in RAYS if getattr(seen, f"visible_{ray}"))
+
+
 def _emitting_slots(scene: Scene, instance: Instance) -> list[tuple[int, Material]]:
     """Return the slots whose material lights other surfaces."""
-    if not instance.visible_diffuse or instance.proxy:
+    if instance.proxy:
         return []
     materials = [(k, scene.materials[m]) for k, m in enumerate(instance.materials)]
     return [(k, m) for k, m in materials if m.emits or not m.emission_known]
@@ -98,11 +106,18 @@ def _mesh_light(scene: Scene, instance: Instance, slot: int, material: Material)
     chosen = np.flatnonzero(np.minimum(mesh.slots, last) == slot)
     vertices = transform_points(instance.world_from_object, mesh.vertices)
     rgb = np.array(material.emission) if material.emission_known else np.ones(3)
-    triangles = vertices[mesh.triangles[chosen]]
+    linked = instance.name in scene.linking
+    light = MeshLight(
+        name=instance.name,
+        rgb=rgb,
+        triangles=vertices[mesh.triangles[chosen]],
+        reaches=_reaches(instance),
+        solid=instance.visible_shadow and material.opaque and not (material.passes or linked),
+    )
     if material.emission_texture is None or not material.emission_known:
-        return MeshLight(name=instance.name, rgb=rgb, triangles=triangles)
+        return light
     texture = partial(_glow, mesh, instance, material, chosen)
-    return MeshLight(name=instance.name, rgb=np.ones(3), triangles=triangles, texture=texture)
+    return replace(light, rgb=np.ones(3), texture=texture)
 
 
 def _glow(

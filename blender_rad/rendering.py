@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import CameraRays, camera_rays, view_depth
+from .closures import Closures
 from .crowds import gathered
 from .direct import DirectLight, Share, Sightings
 from .emitters import WORLD_NAME, world_lights
@@ -139,6 +140,7 @@ class _Run:
                 ([(0.0, 0.0, 0.0)] * len(materials), [m.normal for m in materials]),
             )
         )
+        self.closures = Closures(scene, geometry)
         self.unsupported = [m.unsupported for m in scene.materials]
         self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
         self.world = world_lights(scene)
@@ -355,8 +357,9 @@ class _Run:
     ) -> Floats:
         """Return the light (k, 3) that surfaces reflect, and add it to the lights' layers."""
         brdf: Floats = np.divide(self.albedo.at(surface), np.pi, order="F")
-        irradiance = np.zeros_like(brdf)
-        own = self.light.arrivals(surface, share, lambda k: points.pair(k + 1), passed)
+        irradiance, scattered = np.zeros_like(brdf), np.zeros_like(brdf)
+        scattering = self.closures.at(surface)
+        own = self.light.arrivals(surface, share, lambda k: points.pair(k + 1), passed, scattering)
         for arrival in own:
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:
@@ -365,14 +368,17 @@ class _Run:
                 continue
             arriving = arrival.rgb
             irradiance += arriving
+            if arrival.scattered is not None:
+                scattered += arrival.scattered
             if self.settings.per_light:
                 arriving *= brdf
+                arriving += 0.0 if arrival.scattered is None else arrival.scattered
                 parts = batch.by_pixel(batch.weighed(batch.spread(arriving)))
                 for half in range(batch.each):
                     batch.add(parts[:, half], self.sums.lights[half, emitter.layer])
         if batch.weight is None:
             batch.add(batch.total(batch.spread(irradiance)), self.sums.irradiance)
-        return brdf * irradiance
+        return brdf * irradiance + scattered
 
     def _positions(self, pixel: Ints, jitter: Floats) -> tuple[Floats, Ints | None]:
         """Return picture positions (n, 2), y up, of a box filter one pixel wide.

@@ -139,8 +139,8 @@ class Instance:
     mesh : index into `Scene.meshes`.
     world_from_object : (4, 4) float64.
     materials : index into `Scene.materials` for each slot of the mesh.
-    visible_camera, visible_shadow, visible_diffuse : ray visibility. The last one tells whether
-        its emission lights diffuse surfaces.
+    visible_camera, visible_shadow : ray visibility.
+    visible_diffuse, visible_glossy, visible_transmission : kinds of lobes that its emission lights.
     terminator_geometry_offset, terminator_shading_offset : Cycles' shadow terminator settings.
     normals_in_world : whether Cycles moves the shading normals to the world, and makes them unit
         length there, before it interpolates them (meshes with a single user); else after.
@@ -154,6 +154,8 @@ class Instance:
     visible_camera: bool = True
     visible_shadow: bool = True
     visible_diffuse: bool = True
+    visible_glossy: bool = True
+    visible_transmission: bool = True
     terminator_geometry_offset: float = 0.0
     terminator_shading_offset: float = 0.0
     normals_in_world: bool = True
@@ -233,7 +235,7 @@ class World:
     ----------
     radiance : (3,) [W/(m² sr)] from everywhere.
     maps : what is not uniform of it.
-    visible_camera, visible_diffuse : what it is seen by.
+    visible_camera, visible_diffuse, visible_glossy, visible_transmission : what it is seen by.
     known : False when it is not readable: what it may reach is excluded.
     """
 
@@ -241,6 +243,8 @@ class World:
     maps: tuple[SkyMap, ...] = ()
     visible_camera: bool = True
     visible_diffuse: bool = True
+    visible_glossy: bool = True
+    visible_transmission: bool = True
     known: bool = True
     unsupported: tuple[Unsupported, ...] = ()
 

@@ -46,6 +46,7 @@ class Surface:
     incoming : (n, 3) towards the viewer.
     epsilon : (n,) [bu] how far a ray's origin must leave the surface.
     cutoff : (n,) cosine below which the shadow terminator offset acts, 0 where it does not.
+    backfacing : (n,) bool, where the back is seen.
     subpixel : (n,) index into the points of `Scene.measured`, None where nothing is measured.
     """
 
@@ -60,6 +61,7 @@ class Surface:
     incoming: Floats
     epsilon: Floats
     cutoff: Floats
+    backfacing: NDArray[np.bool_] | None = None
     subpixel: Ints | None = None
 
 
@@ -174,6 +176,7 @@ class Geometry:
             incoming=-directions,
             epsilon=RAY_OFFSET * (size + self._distance.take(hits.instance)),
             cutoff=self._lifted.take(triangle) * self._geometry_offset.take(hits.instance),
+            backfacing=side[:, 0] < 0.0,
         )
 
     def _shading_normals(self, hits: Hits, triangle: Ints, geometric: Floats) -> Floats:
@@ -207,13 +210,17 @@ class Geometry:
         ----------
         surface : n points.
         wi : (k, 3) directions towards the light from the points `rows` (k,).
-        cosine : (n,) of the directions from the shading normals, above 0 at `rows`.
+        cosine : (n,) of the directions from the shading normals; below 0 they go through.
         """
         point, geometric = surface.point, surface.geometric_normal
         epsilon, cutoff = surface.epsilon, surface.cutoff
         if len(rows) < len(point):
             point, geometric = pick(point, rows), pick(geometric, rows)
             epsilon, cutoff, cosine = epsilon.take(rows), cutoff.take(rows), cosine.take(rows)
+        through = cosine < 0.0
+        if through.any():
+            geometric = np.where(through[:, None], -geometric, geometric)
+            cosine = np.abs(cosine)
         towards = dot(geometric, wi)
         lifted, amount = _lifted(cosine, towards, cutoff)
         side = np.copysign(epsilon, towards)
@@ -221,12 +228,12 @@ class Geometry:
         origins = geometric * side[:, None]
         origins += point
         if len(lifted):
-            lift = self._terminator_lift(surface, rows.take(lifted))
+            lift = self._terminator_lift(surface, rows.take(lifted), pick(geometric, lifted))
             origins[lifted] += lift * amount[:, None]
         return origins
 
-    def _terminator_lift(self, surface: Surface, rows: Ints) -> Floats:
-        """Return the displacement (k, 3) from the flat triangle to its smooth surface.
+    def _terminator_lift(self, surface: Surface, rows: Ints, side: Floats) -> Floats:
+        """Return the displacement (k, 3) to the smooth surface, on the `side` of normals (k, 3).
 
         The height over the triangle is the larger of half a quadratic that bends as the corner
         normals say and the lower envelope of the corners' tangent planes, as Cycles has it. All
@@ -247,7 +254,7 @@ class Geometry:
         b = dot(n[2] - n[1], p[1] - p[2])
         c = dot(n[1] - n[0], p[1] - p[0])
         quadratic = a * u * (u - 1.0) + (a + b + c) * u * v + b * v * (v - 1.0)
-        outward = np.where(dot(axis, pick(surface.geometric_normal, rows)) > 0.0, 1.0, -1.0)
+        outward = np.where(dot(axis, side) > 0.0, 1.0, -1.0)
         envelope = np.full(len(rows), np.inf)
         for k in range(3):
             corner, tilt = p[k], n[k] * outward[:, None]

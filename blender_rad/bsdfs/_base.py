@@ -81,15 +81,19 @@ class Lobe(ABC):
     Attributes
     ----------
     weight : (n, 3) factor on `evaluate` by channel, of node colours, mixes and layers above.
+    frame : z along its normal, on the viewer's side.
     reciprocal : whether f(i, o) = f(o, i) is promised; the laws of the others say why not.
     conserves : whether ∫ f cosθ dω ≤ 1 is promised.
     transmits : whether it sends light through the surface.
+    ray : what Blender's ray visibility takes it for: diffuse, glossy or transmission.
     """
 
     reciprocal: ClassVar[bool] = True
     conserves: ClassVar[bool] = True
     transmits: ClassVar[bool] = False
+    ray: ClassVar[str] = "glossy"
     weight: Array
+    frame: Frame
 
     @abstractmethod
     def evaluate(self, wi: Array) -> tuple[Array, Array]:
@@ -212,12 +216,18 @@ class Mixture:
         even = np.full_like(strength, 1.0 / len(parts))
         return cls(parts, np.divide(strength, total, out=even, where=total > 0.0))
 
-    def evaluate(self, wi: Array) -> tuple[Array, Array]:
-        """Return f |cosθ_i| (n, 3) with all weights, and the density (n,) of `sample`."""
+    def evaluate(
+        self, wi: Array, rays: Sequence[str] = ("diffuse", "glossy", "transmission")
+    ) -> tuple[Array, Array]:
+        """Return f |cosθ_i| (n, 3) with all weights, and the density (n,) of `sample`.
+
+        Lobes that are none of `rays` count in the density alone.
+        """
         value, density = np.zeros((len(wi), 3), order="F"), np.zeros(len(wi))
         for part, share in zip(self.parts, self.share, strict=True):
             own, pdf = part.evaluate(wi)
-            value += part.weight * own
+            if part.ray in rays:
+                value += part.weight * own
             density += share * pdf
         return value, density
 

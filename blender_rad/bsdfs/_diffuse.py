@@ -44,6 +44,7 @@ class Diffuse(Lobe):
     colour : (n, 3) ρ in [0, 1].
     """
 
+    ray = "diffuse"
     weight: Array
     frame: Frame
     wo: Array

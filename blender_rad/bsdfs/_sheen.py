@@ -48,6 +48,7 @@ class Sheen(Lobe):
     reflectance, a, b : (n,) R and the bend of the cosine.
     """
 
+    ray = "diffuse"
     reciprocal = False  # the fit is seen from ω_o alone
     weight: Array
     frame: Frame

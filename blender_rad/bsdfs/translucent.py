@@ -24,6 +24,7 @@ class Translucent(Lobe):
     """
 
     transmits: ClassVar[bool] = True
+    ray = "diffuse"  # as Cycles has it where it samples lights
     weight: Array
     frame: Frame
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Model = Literal["cycles", "physical"]
+RAYS = ("diffuse", "glossy", "transmission")  # kinds of lobes, as Blender's ray visibility has them
 
 LIGHTS: Registry[type[Light]] = Registry(__name__.rpartition(".")[0], "light type")
 
@@ -91,6 +92,7 @@ class Light(ABC):
         `from_record` folds `normalize` and, in the physical model, the unit scale into it.
     cast_shadow : whether anything can hide it.
     visible_camera : whether camera rays see it.
+    reaches : kinds of lobes, among `RAYS`, that it lights.
     notes : kebab-case codes of what a user should know of this light, such as ``area-sheared``;
         each is explained in the module of its kind.
     distribution : factor on the radiance by direction (IES), for point, spot and area lights.
@@ -101,6 +103,7 @@ class Light(ABC):
     rgb: Array
     cast_shadow: bool = True
     visible_camera: bool = False
+    reaches: tuple[str, ...] = RAYS
     notes: tuple[str, ...] = ()
     distribution: Distribution | None = None
 
@@ -114,6 +117,11 @@ class Light(ABC):
     def is_delta(self) -> bool:
         """Whether light arrives from a single direction, so that one sample is exact."""
         return False
+
+    @property
+    def is_found(self) -> bool:
+        """Whether `look` finds all of its light."""
+        return not self.is_delta
 
     @abstractmethod
     def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
@@ -135,6 +143,18 @@ class Light(ABC):
         """
         n = len(origins)
         return np.full(n, np.inf), np.zeros(n)
+
+    def look(self, points: Array, normals: Array, wi: Array) -> tuple[Array, Array, Array]:
+        """Return `intersect` along unit `wi` (n, 3), and how densely `sample` takes these.
+
+        The density (n,) [1/sr] holds where the radiance is not 0.
+        """
+        distance, radiance = self.intersect(points, wi)
+        return distance, radiance, self._density(points, normals, wi, distance)
+
+    def _density(self, points: Array, normals: Array, wi: Array, distance: Array) -> Array:
+        """Return the density (n,) of `wi`, which meet it at `distance` (n,)."""
+        return np.zeros(len(points))
 
     @abstractmethod
     def radiant_flux(self) -> Array:

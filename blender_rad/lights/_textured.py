@@ -107,6 +107,9 @@ class TexturedLight(Light):
         sample = self.plain.sample(points, normals, u)
         return sample._replace(tint=self._factor(points, sample.wi, sample.distance))
 
+    def _density(self, points: Array, normals: Array, wi: Array, distance: Array) -> Array:
+        return self.plain._density(points, normals, wi, distance)
+
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         distance, radiance = self.plain.intersect(origins, directions)
         found = np.zeros((len(origins), 3))

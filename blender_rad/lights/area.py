@@ -172,6 +172,15 @@ class AreaLight(Light):
         weight = np.where(lit, self._radiance(cos) * solid_angle, 0.0) * self._pattern(wi)
         return LightSample(wi, distance, weight, 1.0 / np.maximum(solid_angle, geometry.TINY))
 
+    def _density(self, points: Array, normals: Array, wi: Array, distance: Array) -> Array:
+        if self.is_delta:
+            return super()._density(points, normals, wi, distance)
+        offset = self.center - points
+        height = -geometry.dot(offset, self.direction)
+        _, solid_angle = self._sample_seen(offset, height, np.zeros((len(points), 2)))
+        facing = self.area * np.maximum(-geometry.dot(wi, self.direction), geometry.TINY)
+        return np.where(np.isnan(solid_angle), distance**2 / facing, 1.0 / solid_angle)
+
     def _beam(self, offset: Array, height: Array) -> LightSample:
         """Return the sample of a parallel beam."""
         n = len(offset)

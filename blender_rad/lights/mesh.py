@@ -23,13 +23,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightSample
+
+if TYPE_CHECKING:
+    from ..rays import Caster
 
 CLOSED_FORM_TRIANGLES = 64  # above it, summing polygons costs more than sampling is worth
 ON_IT = 1e-6  # in units of the root of a triangle's area: points so near its plane lie in it
@@ -55,11 +58,17 @@ class MeshLight(Light):
     triangles : (m, 3, 3) corners in the world [bu].
     texture : gives the radiance (n, 3) of triangles (n,) at the weights (2, n) of their second and
         third corners towards viewers (n, 3) [bu]; None where `rgb` says it all.
+    solid : whether it hides what of it lies behind.
     """
 
     kind: ClassVar[str] = "MESH"
     triangles: Array
     texture: Texture | None = None
+    solid: bool = True
+
+    @property
+    def is_found(self) -> bool:
+        return self.solid
 
     @cached_property
     def _normals(self) -> Array:
@@ -144,19 +153,41 @@ class MeshLight(Light):
         return total
 
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:
-        batch = max(PAIRS // len(self.triangles), 1)
-        distance = np.full(len(origins), np.inf)
-        radiance = np.zeros(len(origins) if self.texture is None else (len(origins), 3))
-        for start in range(0, len(origins), batch):
-            part = slice(start, start + batch)
-            distance[part], i, uv = self._nearest(origins[part], directions[part])
-            hit = np.flatnonzero(np.isfinite(distance[part]))
-            glow = 1.0
-            if self.texture is not None:
-                towards = -directions[part][hit] * distance[part][hit, None]
-                glow = self.texture(i[hit], uv[:, hit], towards)
-            radiance[start + hit] = glow
+        distance, radiance, _ = self._look(origins, directions)
         return distance, radiance
+
+    def look(self, points: Array, normals: Array, wi: Array) -> tuple[Array, Array, Array]:
+        distance, radiance, i = self._look(points, wi)
+        chance = np.diff(self._cumulative, prepend=0.0) / self._cumulative[-1]
+        facing = np.maximum(np.abs(geometry.dot(self._normals[i], wi)), geometry.TINY)
+        return distance, radiance, 2.0 * chance[i] * distance**2 / facing
+
+    def _look(self, origins: Array, directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Return `intersect` and the triangles (n,) that are met."""
+        n = len(origins)
+        distance, i, uv = np.full(n, np.inf), np.zeros(n, dtype=np.int64), np.zeros((2, n))
+        many = len(self.triangles) > CLOSED_FORM_TRIANGLES
+        find = self._nearest_of_many if many else self._nearest
+        batch = n if many else max(PAIRS // len(self.triangles), 1)
+        for start in range(0, n, max(batch, 1)):
+            part = slice(start, start + batch)
+            distance[part], i[part], uv[:, part] = find(origins[part], directions[part])
+        hit = np.flatnonzero(np.isfinite(distance))
+        if self.texture is None:
+            radiance = np.zeros(n)
+            radiance[hit] = 1.0
+            return distance, radiance, i
+        radiance = np.zeros((n, 3))
+        radiance[hit] = self.texture(i[hit], uv[:, hit], -directions[hit] * distance[hit, None])
+        return distance, radiance, i
+
+    def _nearest_of_many(
+        self, origins: Array, directions: Array
+    ) -> tuple[Array, NDArray[np.int64], Array]:
+        """Return what `_nearest` does, in single precision."""
+        caster, centre = self._caster
+        hits = caster.intersect(origins - centre, directions)
+        return hits.distance, np.maximum(hits.triangle, 0), np.stack([hits.u, hits.v])
 
     def _nearest(self, origins: Array, directions: Array) -> tuple[Array, NDArray[np.int64], Array]:
         """Return distance (n,), triangle (n,), place (2, n) of rays' first hits: Cramer's rule.
@@ -216,10 +247,16 @@ class MeshLight(Light):
 
     def _leaves(self, origins: Array, directions: Array) -> NDArray[np.bool_]:
         """Return whether rays (n, 3) pass by the triangles, (n,)."""
+        caster, centre = self._caster
+        return ~caster.occluded(origins - centre, directions, np.full(len(origins), np.inf))
+
+    @cached_property
+    def _caster(self) -> tuple[Caster, Array]:
+        """What casts rays against the triangles about a centre (3,), and this."""
         from ..rays import Caster
         from ..scene import Instance, Mesh
 
-        centre = origins.mean(axis=0)
+        centre = self.triangles.mean(axis=(0, 1))
         count = len(self.triangles)
         mesh = Mesh(
             name=self.name,
@@ -229,8 +266,7 @@ class MeshLight(Light):
             smooth=np.zeros(count, dtype=np.bool_),
             slots=np.zeros(count, dtype=np.int32),
         )
-        caster = Caster([mesh], [Instance(self.name, 0, np.eye(4), (0,))], [0])
-        return ~caster.occluded(origins - centre, directions, np.full(len(origins), np.inf))
+        return Caster([mesh], [Instance(self.name, 0, np.eye(4), (0,))], [0]), centre
 
     @classmethod
     def examples(cls) -> list[Light]:

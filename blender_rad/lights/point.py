@@ -96,6 +96,14 @@ class PointLight(Light):
         distance, radiance = self._met(axis, squared, wi)
         return LightSample(wi, distance, radiance / pdf, pdf)
 
+    def _density(self, points: Array, normals: Array, wi: Array, distance: Array) -> Array:
+        if self.is_delta:
+            return super()._density(points, normals, wi, distance)
+        axis, squared = geometry.towards(self.position, points)
+        pdf = 0.5 / (np.pi * self._cone(axis, squared)[1])
+        over = np.maximum(geometry.dot(wi, normals), 0.0) / np.pi
+        return np.where(self._inside(squared), over, pdf)
+
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         axis, squared = geometry.towards(self.position, points)
         cos = geometry.dot(axis, normals)

@@ -63,6 +63,11 @@ class SunLight(Light):
             wi, far, np.full(n, solid_angle / self._projected), np.full(n, 1.0 / solid_angle)
         )
 
+    def _density(self, points: Array, normals: Array, wi: Array, distance: Array) -> Array:
+        if self.is_delta:
+            return super()._density(points, normals, wi, distance)
+        return np.full(len(points), 0.25 / (np.pi * np.sin(0.5 * self.half_angle) ** 2))
+
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         cos = geometry.dot(normals, self.towards)
         if self.is_delta:

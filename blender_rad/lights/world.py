@@ -68,10 +68,11 @@ class Portal:
         return cls(matrix[:3, 3], np.vstack([frame.T, np.cross(*frame.T)]), half)
 
     def sample(self, points: Array, u: Array) -> tuple[Array, Array]:
-        """Return directions (n, 3) even over its solid angle, and this (n,) [sr]."""
+        """Return directions (n, 3) even over its solid angle, and this (n,) [sr], inf for none."""
         x, y, depth = ((self.center - points) @ self.frame.T).T
         bounds = (x - self.half[0], x + self.half[0], y - self.half[1], y + self.half[1])
         s, t, angle = geometry.sample_rectangle(bounds, np.abs(depth), u)
+        angle[angle < SMALLEST_SOLID_ANGLE] = np.inf
         wi = np.stack([s, t, depth], axis=1)
         length = np.sqrt(geometry.dot(wi, wi))
         return wi / np.maximum(length, geometry.TINY)[:, None] @ self.frame, angle
@@ -101,48 +102,66 @@ class WorldLight(Light):
     sky: SkyMap | None = None
 
     def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
-        rest = 1.0 - THROUGH_PORTALS * bool(self.portals)
-        share = rest * (0.0 if self.sky is None else ALONG_SKY if self.sky.half == WHOLE else 1.0)
-        wi, pdf = self._directions(points, normals, u, share)
-        tint, lit = None, pdf > 0.0
-        if self.sky is not None:
-            radiance, density = self.sky.look(wi)
-            tint, lit = radiance / self.sky.scale, radiance.any(axis=1)
-            pdf += share * density
+        wi, angles = self._directions(points, normals, u)
+        tint, pdf = self._seen(points, normals, wi, angles)
+        lit = pdf > 0.0 if tint is None else tint.any(axis=1)
         weight = np.divide(1.0, pdf, out=np.zeros_like(pdf), where=lit)
         return LightSample(wi, np.full(len(points), np.inf), weight, pdf, tint)
 
-    def _directions(
-        self, points: Array, normals: Array, u: Array, along_sky: float
-    ) -> tuple[Array, Array]:
-        """Return directions among hemisphere, sky and portals, and their density but the sky's."""
+    def look(self, points: Array, normals: Array, wi: Array) -> tuple[Array, Array, Array]:
+        middle = np.full((len(points), 2), 0.5)
+        angles = [portal.sample(points, middle)[1] for portal in self.portals]
+        radiance, pdf = self._seen(points, normals, wi, angles)
         n = len(points)
-        if self.sky is not None and along_sky == 1.0:
-            return self.sky.sample(u), np.zeros(n)
+        return np.full(n, np.inf), np.ones(n) if radiance is None else radiance, pdf
+
+    @property
+    def _shares(self) -> tuple[float, float, float]:
+        """Shares of the samples: over the hemisphere, along the sky, through each portal."""
         rest = 1.0 - THROUGH_PORTALS * bool(self.portals)
-        share = np.full(n, rest - along_sky)
+        sky = rest * (0.0 if self.sky is None else ALONG_SKY if self.sky.half == WHOLE else 1.0)
+        return rest - sky, sky, THROUGH_PORTALS / max(len(self.portals), 1)
+
+    def _seen(
+        self, points: Array, normals: Array, wi: Array, angles: list[Array]
+    ) -> tuple[Array | None, Array]:
+        """Return the radiance (n, 3) over `rgb`, None for 1, and the density (n,) of samples."""
+        radiance = None
+        share, along_sky, each = self._shares
+        pdf = np.zeros(len(points))
+        if share:
+            shares = share + each * sum(np.isinf(angle) for angle in angles)
+            pdf += shares * np.maximum(geometry.dot(wi, normals), 0.0) / np.pi
+        for portal, angle in zip(self.portals, angles, strict=True):
+            pdf += each * portal.hit(points, wi) / angle
+        if self.sky is not None:
+            radiance, density = self.sky.look(wi)
+            radiance /= self.sky.scale
+            pdf += along_sky * density
+        return radiance, pdf
+
+    def _directions(self, points: Array, normals: Array, u: Array) -> tuple[Array, list[Array]]:
+        """Return directions among hemisphere, sky and portals, and the solid angles of these."""
+        share, along_sky, each = self._shares
+        if self.sky is not None and along_sky == 1.0:
+            return self.sky.sample(u), []
+        rest = share + along_sky
         way, second = u.T
         wi, _ = geometry.sample_hemisphere(normals, np.stack([way / share % 1, second], axis=1))
         if self.sky is not None:
             mine = (way >= share) & (way < rest)
             again = np.stack([(way - share) / along_sky, second], axis=1)
             wi[mine] = self.sky.sample(again[mine])
-        each = THROUGH_PORTALS / max(len(self.portals), 1)
         turn = (way - rest) / each
         chosen = np.floor(turn)
         again = np.stack([turn - chosen, second], axis=1)
         angles: list[Array] = []
         for number, portal in enumerate(self.portals):
             through, angle = portal.sample(points, again)
-            angle[angle < SMALLEST_SOLID_ANGLE] = np.inf
             mine = (chosen == number) & np.isfinite(angle)
             wi[mine] = through[mine]
-            share += each * np.isinf(angle)
             angles.append(angle)
-        pdf = share * np.maximum(geometry.dot(wi, normals), 0.0) / np.pi
-        for portal, angle in zip(self.portals, angles, strict=True):
-            pdf += each * portal.hit(points, wi) / angle
-        return wi, pdf
+        return wi, angles
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         """Return π of a uniform sky, None where portals say that hardly any of it arrives."""

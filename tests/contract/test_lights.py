@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from blender_rad.lights import LIGHTS, Light, LightSample
+from blender_rad.lights import _geometry as geometry
 from blender_rad.lights._distribution import Distribution
 
 AROUND, UP = np.arange(-1, 14) * np.pi / 6.0, np.arange(-7, 8) * np.pi / 12.0
@@ -197,6 +198,37 @@ def seen_first(light: Light, point: np.ndarray, sample: LightSample) -> np.ndarr
         return np.ones(len(sample.wi), dtype=bool)
     distance, _ = light.intersect(np.broadcast_to(point, sample.wi.shape), sample.wi)
     return sample.distance <= distance * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("light", LIGHT_LIST)
+def test_what_is_looked_at_has_the_density_of_samples(
+    light: Light, rng: np.random.Generator
+) -> None:
+    """At what is sampled, and all over: its integral is the share of samples that are lit."""
+    points, normals = receivers(rng, 4000)
+    sample = light.sample(points, normals, rng.random((4000, 2)))
+    _, radiance, pdf = light.look(points, normals, sample.wi)
+    assert light.is_found != light.is_delta
+    if light.is_delta:
+        assert not radiance.any() and not pdf.any()
+        return
+    lit = (sample.weight > 0.0) & seen_first(light, points, sample)
+    lit &= (radiance.reshape(4000, -1) > 0.0).any(axis=1)
+    assert lit.sum() > 100
+    assert np.allclose(pdf[lit], sample.pdf[lit], rtol=1e-6)
+    n, point, normal = 1 << 14, np.array([-0.8, -0.1, 0.1]), np.array([0.0, 0.0, 1.0])
+    place = np.tile(point, (n, 1)), np.tile(normal, (n, 1))
+    taken = light.sample(*place, rng.random((n, 2)))
+    used = (taken.weight > 0.0) & seen_first(light, point, taken)
+    axis = taken.wi[used].mean(axis=0)
+    axis /= np.linalg.norm(axis)
+    widest = 1.0 - (taken.wi[used] @ axis).min()
+    cone = np.tile(axis, (n, 1)), np.full(n, widest), strata(rng, 1 << 7)
+    _, radiance, pdf = light.look(*place, geometry.sample_cone(*cone))
+    bright = (radiance.reshape(n, -1) > 0.0).any(axis=1)
+    values = 2.0 * np.pi * widest * np.where(bright, pdf, 0.0)
+    error = np.hypot(values.std(), used.std()) / np.sqrt(n)
+    assert abs(values.mean() - used.mean()) < SIGMAS * error + ROUNDING
 
 
 @pytest.mark.parametrize("light", LIGHT_LIST)
