@@ -187,7 +187,6 @@ class Refraction(Microfacet):
 
     reciprocal: ClassVar[bool] = False
     transmits: ClassVar[bool] = True
-    ray = "transmission"
     conserves: ClassVar[bool] = False
     ray: ClassVar[str] = "transmission"
     ior: Array = field(kw_only=True)
