@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``materials``: whether each material keeps the three laws, and what no real surface has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from . import _values as values
+from ._base import Outcome, aligned, option
+from ._scene import SceneCommand
+
+if TYPE_CHECKING:
+    from ..laws import Judged
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialsOptions(SceneCommand, verb="materials"):
+    """Put materials to the three laws: positivity, reciprocity, conservation of energy.
+
+    Attributes
+    ----------
+    plot : where their albedo by incidence goes, and their look in white surroundings.
+    """
+
+    plot: Path | None = option(
+        values.output_file(".png"), "write albedos and white furnaces", metavar="OUT.png"
+    )
+
+    def run(self) -> Outcome:
+        from ..bpy_io.read import read_scene
+        from ..laws import judge
+
+        scene = read_scene(self.open(self.file, self.frame, need_camera=False))
+        judged = judge(scene)
+        if self.plot:
+            from ..report.furnace import write_furnaces
+
+            write_furnaces(judged, self.plot)
+        document = {"materials": judged, "findings": scene.findings, "plot": self.plot}
+        wrong = any(f.severity == "error" for each in judged for f in each.findings)
+        return Outcome(document, _text(judged), int(wrong))
+
+
+def _text(judged: list[Judged]) -> str:
+    rows = [["material", "f ≥ 0", "f(i,r) = f(r,i)", "∫ f cosθ dω ≤ 1", "greatest", "at"]]
+    for each in judged:
+        laws = (each.positive, each.reciprocal, each.energy_conserving)
+        kept = ["–" if law is None else "yes" if law else "NO" for law in laws]
+        most = "–" if each.max_albedo is None else f"{each.max_albedo:.4g}"
+        angle = f"{each.max_albedo_angle_deg:.0f}°" if each.supported else "–"
+        rows.append([each.name, *kept, most, angle])
+    return "\n".join([*aligned(rows), *(str(f) for each in judged for f in each.findings)])
