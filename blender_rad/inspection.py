@@ -42,9 +42,6 @@ PHOTOPIC = (
 )
 SAME = 1e-4  # relative, below which two figures are one
 LINKED = "light linking: it lights, or is shadowed by, chosen objects only"
-WORDS = {
-    "Seen by the camera only": "seen by the camera, and lights nothing (ray visibility)",
-}
 
 
 class Note(NamedTuple):
@@ -171,8 +168,6 @@ def _row(
     }
     names = first.name, first.record and first.record.data
     notes = [f.message for f in findings if f.object and f.object in names]
-    known = {u.feature for u in scene.unsupported if u.kind == "light" and u.name == first.name}
-    notes += [text for feature, text in WORDS.items() if feature in known]
     notes += [LINKED] * (first.name in scene.linking)
     notes += [note.message for note in _notes(first, weights, scene.unit_scale_m)]
     fluxes = pieces[:, 0].mean(axis=1)

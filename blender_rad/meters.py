@@ -211,7 +211,11 @@ class _Few:
         self.meter, self.light, self.first = meter, light, first
         self.points, self.normals = points, normals
         self.lift = LIFT_M / meter.scene.unit_scale_m + RAY_OFFSET * np.abs(points).max(axis=1)
-        self.emitters = [e for e in light.emitters if light.links.lights_others(e.light.name)]
+        self.emitters = [
+            e
+            for e in light.emitters
+            if light.links.lights_others(e.light.name) and "diffuse" in e.light.reaches
+        ]
         shape = (len(self.emitters), len(points))
         self.taken = np.zeros((*shape, 1))  # by each stream
         self.sent, self.arrived, self.tested, self.seen = np.zeros((4, *shape, STREAMS))

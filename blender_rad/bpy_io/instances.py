@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Finding, RadError
-from ..lights import Light, Model
+from ..lights import RAYS, Light, Model
 from ..lights._base import LightRecord, light_from_record
 from ..scene import Instance, Linking, Material, Mesh, Unsupported
 from .arrays import floats, matrix
@@ -35,7 +35,7 @@ NOTES = {
     "ies-mirrored": "IES planes turn against the clock, seen from above; Cycles turns them with it,"
     " so that its light is mirrored",
 }
-_RAYS = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+_RAYS = ("camera", *RAYS, "volume_scatter", "shadow")
 
 
 @dataclass(frozen=True)
@@ -248,6 +248,8 @@ class Reader:
             visible_camera=facts.visible["camera"],
             visible_shadow=facts.visible["shadow"],
             visible_diffuse=facts.visible["diffuse"],
+            visible_glossy=facts.visible["glossy"],
+            visible_transmission=facts.visible["transmission"],
             terminator_geometry_offset=shown.shadow_terminator_geometry_offset,
             terminator_shading_offset=shown.shadow_terminator_shading_offset,
             proxy=proxy,
@@ -308,19 +310,17 @@ class Reader:
             light = light_from_record(record, self.model)
         if light is None:
             return
-        feature = record.unknown
-        if not facts.visible["diffuse"] and facts.visible["camera"]:
-            feature = feature or "Seen by the camera only"
-        if feature:
-            self.unsupported.append(Unsupported("light", facts.name, feature))
-            self.unknown_lights.append(light)
-        elif not facts.visible["diffuse"]:
+        light = replace(light, reaches=tuple(ray for ray in RAYS if facts.visible[ray]))
+        if not facts.visible["diffuse"]:
             message = "does not light diffuse surfaces (ray visibility)"
             self.findings.append(Finding("hidden-light", "warning", facts.name, message))
-        else:
-            self.lights.append(light)
-            for note in light.notes:
-                self.findings.append(Finding(note, "warning", facts.name, NOTES[note]))
+        if record.unknown:
+            self.unsupported.append(Unsupported("light", facts.name, record.unknown))
+            self.unknown_lights.append(light)
+            return
+        self.lights.append(light)
+        for note in light.notes:
+            self.findings.append(Finding(note, "warning", facts.name, NOTES[note]))
 
     def _record(
         self, bl_object: Any, name: str, world: NDArray[np.float64], **visible: bool

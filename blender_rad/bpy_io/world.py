@@ -7,8 +7,9 @@ from typing import Any
 
 from ..lights import SkyMap
 from ..scene import Unsupported, World
+from ..textures import Expression, constant
 from . import nodes
-from .sky import measure_sky, unmeasurable
+from .sky import known_sky, measure_sky, unmeasurable
 
 _EMITTERS = {"ShaderNodeBackground", "ShaderNodeEmission"}
 
@@ -19,10 +20,12 @@ def shown_world(bl_scene: Any, layer: Any) -> Any | None:
 
 
 def read_maps(bl_scene: Any, layer: Any) -> tuple[SkyMap, ...]:
-    """Return the maps of a world that is not uniform, which take renders of their own."""
+    """Return the maps of a world that is not uniform, which may take renders of their own."""
     bl_world = shown_world(bl_scene, layer)
     if bl_world is None or _uniform(bl_world)[1] is None or _unsupported(bl_world):
         return ()
+    if _emission(bl_world)[2] is None:
+        return ()  # `read_world` knows them
     return measure_sky(bl_world, (bl_scene.frame_current, bl_scene.frame_subframe))
 
 
@@ -33,13 +36,19 @@ def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
     radiance, feature = _uniform(bl_world)
     features = _unsupported(bl_world) if feature else _beyond(bl_world)
     if feature and not maps and not features:
-        features = [feature]
+        radiance, varying, unknown = _emission(bl_world)
+        if unknown or varying is None:
+            features = [feature]
+        else:
+            maps = (known_sky(bl_world, varying + constant(radiance)),)
     visible = bl_world.cycles_visibility
     return World(
         radiance=radiance,
         maps=maps,
         visible_camera=visible.camera,
         visible_diffuse=visible.diffuse,
+        visible_glossy=visible.glossy,
+        visible_transmission=visible.transmission,
         known=not features,
         unsupported=tuple(Unsupported("world", bl_world.name, f) for f in features),
     )
@@ -51,6 +60,10 @@ def _uniform(bl_world: Any) -> tuple[nodes.Triple, str | None]:
         return nodes.uniform_emission(bl_world.node_tree, _EMITTERS)
     r, g, b = bl_world.color
     return (r, g, b), None
+
+
+def _emission(bl_world: Any) -> tuple[nodes.Triple, Expression | None, str | None]:
+    return nodes.emission(bl_world.node_tree, _EMITTERS)
 
 
 def _unsupported(bl_world: Any) -> list[str]:

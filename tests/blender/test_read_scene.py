@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from blender_rad.bpy_io.read import read_scene
+from blender_rad.emitters import emitters
 from blender_rad.scene import Mesh, Scene, Unsupported
 
 from .reading import (
@@ -273,9 +274,10 @@ def test_lights_that_do_not_light() -> None:
     seen = light('AREA', "Seen")
     seen.visible_diffuse, seen.visible_camera = False, True
     scene = read()
-    assert not scene.lights
-    assert {lamp.name for lamp in scene.unknown_lights} == {"Seen"}
-    assert [f.object for f in scene.findings] == ["Hidden"]
+    rest = ("glossy", "transmission")
+    assert {lamp.name: lamp.reaches for lamp in scene.lights} == {"Hidden": rest, "Seen": rest}
+    assert [f.object for f in scene.findings] == ["Hidden", "Seen"]
+    assert not emitters(scene)[0]  # nothing here shines
 
 
 def test_empty_collections_link_nothing() -> None:
