@@ -12,7 +12,7 @@ import pytest
 
 from blender_rad.bpy_io.read import read_scene
 from blender_rad.emitters import emitters
-from blender_rad.scene import Mesh, Scene, Unsupported
+from blender_rad.scene import Mesh, Scene
 
 from .reading import (
     CUBE,
