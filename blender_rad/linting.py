@@ -292,6 +292,23 @@ def _terminator(lint: Lint) -> Iterator[Said]:
         yield Said(f"{what} move light at the shadow's edge: set them to 0", effect, "warning")
 
 
+@rule("glass-blocks-light")
+def _glass(lint: Lint) -> Iterator[Said]:
+    """Hold it against the same scene without the shadows of what bends light."""
+    glass = {k for k, material in enumerate(lint.scene.materials) if material.glass}
+    stops = [i.visible_shadow and not glass.isdisjoint(i.materials) for i in lint.scene.instances]
+    pairs = list(zip(lint.scene.instances, stops, strict=True))
+    names = sorted({instance.name for instance, stopping in pairs if stopping})
+    if not names:
+        return
+    clear = tuple(replace(i, visible_shadow=i.visible_shadow and not own) for i, own in pairs)
+    effect = lint.without(instances=clear).get("")
+    if effect is None or abs(effect) >= SAME:
+        said = f"glass ({', '.join(names[:3])}) stops direct light, which passes as caustics alone"
+        remedy = "for light that passes straight switch off its shadow rays"
+        yield Said(f"{said}, noisy, after bounces: {remedy}", effect, "warning")
+
+
 @rule("gltf-emission")
 def _gltf_emission(lint: Lint) -> Iterator[Said]:
     names = sorted({m.name for m in lint.scene.materials if m.emits or not m.emission_known})
@@ -306,6 +323,16 @@ def severity_of(effect_percent: float | None) -> Severity:
         return "warning"
     size = abs(effect_percent)
     return "error" if size >= NOTICEABLE else "warning" if size >= SAME else "info"
+
+
+def found_by(code: str, scene: Scene, threads: int | None = None) -> list[Finding]:
+    """Return what the rule `code`, which asks for no settings, finds in a scene."""
+    return [
+        Finding(
+            code, s.severity or severity_of(s.effect_percent), s.about, s.message, s.effect_percent
+        )
+        for s in RULES[code](Lint(scene, {}, threads))
+    ]
 
 
 def _said(lint: Lint) -> Iterator[tuple[str, Said]]:

@@ -70,6 +70,7 @@ class Material:
     holdout, holdout_texture : (3,) share of the view that is neither light nor alpha, and what to
         add to it where it varies.
     held_out : whether that is all that the camera sees of it, and of what it does not let pass.
+    glass : whether light passes it bent: not as direct light.
     measured : whether it is known only where the camera looks first, through `Scene.measured`.
     unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
     emission_known : False when it emits in a way that is not known: points that it may reach are
@@ -91,6 +92,7 @@ class Material:
     holdout: tuple[float, float, float] = (0.0, 0.0, 0.0)
     holdout_texture: Expression | None = None
     held_out: bool = False
+    glass: bool = False
     measured: bool = False
 
     @property

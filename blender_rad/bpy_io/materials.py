@@ -69,6 +69,7 @@ class Surface:
     transmittance, transmittance_texture : (3,) what passes it straight, and what of that varies.
     passes_shadow : whether shadow rays pass it in a way that is not known.
     transmits : whether light may pass it, in whatever way: what clay closes.
+    glass : whether it passes bent.
     subsurface, displaced : whether Cycles leaves the normals in object space for it.
     closures : what reflects or lets through, and is not Lambert.
     normal : what the shading normal is, where displacement bends it.
@@ -86,6 +87,7 @@ class Surface:
     transmittance: Triple = BLACK
     passes_shadow: bool = False
     transmits: bool = False
+    glass: bool = False
     subsurface: bool = False
     displaced: bool = False
     albedo_texture: Expression | None = None
@@ -137,6 +139,7 @@ def full(surface: Surface) -> Material:
         normal=surface.normal,
         holdout=surface.holdout,
         holdout_texture=surface.holdout_texture,
+        glass=surface.glass,
         measured=bool(surface.asked),
         emission_known=not emission,
         unsupported=tuple(Unsupported("material", surface.name, f) for f in features),
@@ -203,6 +206,7 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     features += ["Bump from displacement"] * (height and not displaced and normal is None)
     passing = [_transmittance(leaf) for leaf in closures]
     passes = any(rgb is None or not nodes.is_zero(rgb) for rgb in passing)
+    glass = any(map(_is_glass, closures))
     half = passes and not bl_material.use_transparent_shadow  # Cycles' BSDF sampling sees through
     albedo, albedo_texture = nodes.split(each for each in shaded if isinstance(each, Expression))
     emission, emission_texture = nodes.split(rgb for _, rgb in glowing if rgb)
@@ -224,7 +228,8 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
         holdout=holdout,
         holdout_texture=holdout_texture,
         passes_shadow=None in passing or half or bool(volume) or displaced,
-        transmits=passes or bool(volume) or any(map(_is_glass, closures)),
+        transmits=passes or bool(volume) or glass,
+        glass=glass,
         subsurface=any(map(_subsurface, closures)),
         displaced=displaced,
         closures=tuple(each for each in shaded if isinstance(each, Closure)),

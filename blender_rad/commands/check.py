@@ -107,6 +107,7 @@ class CheckOptions(PictureCommand, verb="check"):
     def _one(self, frame: int | None, folder: Path | None) -> dict[str, Any]:
         """Compare one frame, write its report, and return its document."""
         from ..checking import Check, Terms
+        from ..linting import found_by
         from ..report.document import build_document
 
         started = time.perf_counter()
@@ -133,6 +134,7 @@ class CheckOptions(PictureCommand, verb="check"):
         )
         if witness:
             document["findings"] += plain([*self._kept_settings(witness, result)])
+        document["findings"] += plain(found_by("glass-blocks-light", scene, self.threads))
         if folder:
             self._write(folder, document, scene, result)
         return document

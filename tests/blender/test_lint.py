@@ -18,9 +18,11 @@ from .promised import (  # noqa: E402
     panel,
     point,
     save,
+    square,
     stage,
     world,
 )
+from .reading import material  # noqa: E402
 
 HARMLESS = {
     "sample_clamp_indirect": 0.0,
@@ -140,3 +142,21 @@ def test_bounds_hold_against_cycles(tmp_path: Path) -> None:
     assert derived["denoising"]["effect_percent"] is None
     assert 0.0 < abs(measured["denoising"]["effect_percent"]) < 3.0, "it keeps means, nearly"
     assert code == 1
+
+
+@pytest.mark.parametrize("verb", ["lint", "check"])
+def test_glass_is_named_with_the_light_that_it_stops(tmp_path: Path, verb: str) -> None:
+    """Half of the floor's light: a pane right below a lamp in the middle, on one side of it."""
+    quiet()
+    lamp = bpy.data.objects["Key"]
+    lamp.location = (0, 0, 2)
+    pane = square("Pane", 20.0, (20.0, 0, 1.999))
+    pane.data.materials[0] = material("Glass", "ShaderNodeBsdfGlass")
+    pane.visible_camera = False
+    run = inside(verb, save(tmp_path / "glass.blend"), "--json", "--threads", 1)
+    (found,) = (f for f in run.document["findings"] if f["code"] == "glass-blocks-light")
+    assert "Pane" in found["message"]
+    assert math.isclose(found["effect_percent"], -50.0, abs_tol=1.0)
+    assert verb == "lint" or run.document["verdict"] == "agree"
+    bpy.data.objects["Pane"].visible_shadow = False
+    assert "glass-blocks-light" not in lint(save(tmp_path / "clear.blend"))[1]
