@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
@@ -81,6 +81,20 @@ def source(socket: Any, groups: Groups = ()) -> Source:
         if behind is None:
             return Source(socket, None, groups, types)
         socket = behind
+
+
+def behind(socket: Any, groups: Groups = ()) -> Iterator[tuple[Any, Groups]]:
+    """Yield each output that `socket` depends on, with the groups that lead to it."""
+    waiting, seen = [(socket, groups)], set[tuple[int, str, int]]()
+    while waiting:
+        found = source(*waiting.pop())
+        output, groups = found.output, found.groups
+        if output is not None:
+            key = (output.node.as_pointer(), output.identifier, len(groups))
+            if key not in seen:
+                seen.add(key)
+                yield output, groups
+                waiting += [(each, groups) for each in output.node.inputs]
 
 
 def _same(sockets: Any, wanted: Any) -> Any | None:

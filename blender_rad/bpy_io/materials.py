@@ -192,9 +192,10 @@ def _empty_slot() -> Surface:
 def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     closures = list(nodes.leaves(output.inputs["Surface"], ask=ask))
     volume = list(nodes.leaves(output.inputs["Volume"]))
-    height = nodes.source(output.inputs["Displacement"]).output is not None
+    displacement = output.inputs["Displacement"]
+    height = nodes.source(displacement).output is not None
     displaced = height and bl_material.displacement_method != "BUMP"
-    normal = ask.normal() if ask and height and not displaced else None
+    normal = ask.normal(displacement) if ask and height and not displaced else None
     others = [leaf for leaf in closures if leaf.node.bl_idname != "ShaderNodeEmission"]
     corrected = getattr(bl_material.cycles, "use_bump_map_correction", True)
     shaded = [_shaded(leaf, corrected, ask) for leaf in others]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..textures import Expression
-from .expressions import NUMBERS, Groups
+from .expressions import NUMBERS, Groups, behind
 
 Place = tuple[tuple[str, ...], str, str]  # names of the group nodes and the node, and the socket
 NORMAL: Place = ((), "", "Normal")  # the shading normal, as displacement bends it
@@ -27,14 +27,18 @@ class Asking:
     slots: dict[Place, int] = field(default_factory=dict[Place, int])
     names: list[str] = field(default_factory=list[str])
 
-    def __call__(self, socket: Any, groups: Groups) -> Expression:
-        """Return what stands for the value that a socket gets."""
+    def __call__(self, socket: Any, groups: Groups) -> Expression | None:
+        """Return what stands for the value that a socket gets, None where there is not one."""
+        if any(map(_by_chance, behind(socket, groups))):
+            return None
         place = tuple(group.name for group in groups), socket.node.name, socket.identifier
         width = 1 if socket.type in NUMBERS else 3
         return self._slot(place, f"{socket.name} of {socket.node.name}", width)
 
-    def normal(self) -> Expression:
-        """Return what stands for the shading normal."""
+    def normal(self, displacement: Any) -> Expression | None:
+        """Return what stands for the shading normal that a `displacement` socket bends."""
+        if any(map(_by_chance, behind(displacement))):
+            return None
         return self._slot(NORMAL, "Bump from displacement", 3)
 
     def _slot(self, place: Place, name: str, width: int) -> Expression:
@@ -54,3 +58,10 @@ class Questions:
         """Return what gathers the questions about a material, evaluated or not."""
         self.materials.append(Asking(bl_material.original))
         return self.materials[-1]
+
+
+def _by_chance(found: tuple[Any, Groups]) -> bool:
+    """Return whether an output is a mean over rays, or changes with the size of a pixel."""
+    node = found[0].node
+    mean = node.bl_idname in {"ShaderNodeAmbientOcclusion", "ShaderNodeBevel"}
+    return mean or getattr(node, "use_pixel_size", False)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..lights import SkyMap
 from ..lights._environment import WHOLE
 from . import nodes
+from .expressions import behind
 from .witness import CyclesWitness
 
 Look = Callable[..., NDArray[np.float32]]
@@ -144,20 +145,10 @@ def _stage(bl_world: Any, frame: tuple[int, float]) -> Generator[tuple[Any, Look
 
 def _behind(bl_world: Any) -> Iterator[tuple[Any, Matrix | None]]:
     """Yield each output that feeds the surface, with how its node's coordinates are turned."""
-    output = bl_world.node_tree.get_output_node("CYCLES")
-    waiting: list[tuple[Any, nodes.Groups]] = [(output.inputs["Surface"], ())] if output else []
-    seen: set[tuple[int, str, int]] = set()
-    while waiting:
-        found = nodes.source(*waiting.pop())
-        output, groups = found.output, found.groups
-        if output is None:
-            continue
-        key = (output.node.as_pointer(), output.identifier, len(groups))
-        if key not in seen:
-            seen.add(key)
-            vector = output.node.inputs.get("Vector")
-            yield output, _turn(vector, groups) if vector else Matrix.Identity(3)
-            waiting += [(socket, groups) for socket in output.node.inputs]
+    end = bl_world.node_tree.get_output_node("CYCLES")
+    for output, groups in behind(end.inputs["Surface"]) if end else ():
+        vector = output.node.inputs.get("Vector")
+        yield output, _turn(vector, groups) if vector else Matrix.Identity(3)
 
 
 def _turn(vector: Any, groups: nodes.Groups) -> Matrix | None:

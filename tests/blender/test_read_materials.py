@@ -202,6 +202,8 @@ def test_unknown_nodes_become_questions() -> None:
     assert found.albedo_texture and found.albedo_texture.measured and not found.features
     tree.links.new(node(tree, "ShaderNodeTexNoise").outputs[0], surface.node.inputs["Strength"])
     assert surface_of(created, Questions()).unknown_emission
+    group.links.new(node(group, "ShaderNodeBevel").outputs[0], paint.inputs["Color"])
+    assert surface_of(created, Questions()).features == ("Diffuse BSDF",)  # Cycles' mean over rays
 
 
 def test_no_surface_is_black_and_clay_is_clay() -> None:
