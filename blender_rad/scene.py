@@ -117,7 +117,8 @@ class Mesh:
     smooth : (m,) bool, faces shaded smooth (Cycles' shadow terminator offset acts on them alone).
     slots : (m,) int32 material slot of each triangle.
     attributes : by name, (m, 3, k) float32 at the corners: UV maps, colours, and what else there
-        is; ``textures.UV`` is the UV map that renders take.
+        is; ``textures.UV`` is the UV map that renders take, and ``textures.GENERATED``, where it is
+        not the place in the texture space.
     texture_space : centre and half size (3,) of Generated coordinates, None if not known.
     """
 

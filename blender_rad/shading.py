@@ -103,7 +103,7 @@ def context_on(
     side = np.where(dot(geometric, towards) < 0.0, -1.0, 1.0)[:, None]
 
     def attribute(name: str) -> Array | None:
-        if name == GENERATED and mesh.texture_space is not None:
+        if name == GENERATED and mesh.texture_space and name not in mesh.attributes:
             centre, size = mesh.texture_space
             return 0.5 + 0.5 * (local - centre) / np.where(size == 0.0, 1.0, size)
         if name == NORMAL:

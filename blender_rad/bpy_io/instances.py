@@ -23,7 +23,6 @@ from .materials import Shading, Surface, clay, full, surface_of
 from .meshes import box_mesh, read_mesh
 from .questions import Questions
 
-_BEFORE = "Generated coordinates, which are those before its modifiers"
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 NOTES = {
@@ -208,7 +207,7 @@ class Reader:
         return self._instance(shown, facts, index, surfaces)
 
     def _new_mesh(self, bl_mesh: Any, facts: _Facts) -> int | None:
-        mesh, left_out = read_mesh(bl_mesh)
+        mesh, left_out = read_mesh(bl_mesh, modified=facts.modified)
         if left_out:
             self._left_out(facts.name, f"{left_out} of its triangles are not finite")
         if not len(mesh.triangles):
@@ -258,8 +257,7 @@ class Reader:
     def _material(self, surface: Surface, facts: _Facts, proxy: bool) -> int:
         """Return the index of the surface's material, as it is on this object."""
         material = clay(surface) if self.shading == "clay" else full(surface)
-        features = facts.features + (_BEFORE,) * (facts.modified and surface.generated)
-        records = tuple(Unsupported("object", facts.name, f) for f in features)
+        records = tuple(Unsupported("object", facts.name, f) for f in facts.features)
         self.unsupported.extend(records)
         key = (surface.name, surface, records, proxy, facts.held_out)
         if key not in self._material_index:
@@ -271,8 +269,7 @@ class Reader:
         self, material: Material, facts: _Facts, records: tuple[Unsupported, ...], proxy: bool
     ) -> Material:
         emits = material.emits or not material.emission_known
-        before = any(record.feature == _BEFORE for record in records)
-        unknown = emits and (proxy or before)
+        unknown = emits and proxy
         return replace(
             material,
             emission=(0.0, 0.0, 0.0) if unknown else material.emission,

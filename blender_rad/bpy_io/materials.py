@@ -34,11 +34,6 @@ _GLASS = {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"}
 _PRINCIPLED = "ShaderNodeBsdfPrincipled"
 _BEYOND = ("Subsurface Weight", "Thin Film Thickness")  # what no closure here does, unless it is 0
 _LAYERS = (*_BEYOND, "Coat Weight", "Sheen Weight")  # what starts like them counts unless it is 0
-_LOOK_AT_BOUNDS = {
-    ("ShaderNodeTexCoord", "Generated"),
-    ("ShaderNodeNewGeometry", "Tangent"),
-    ("ShaderNodeTangent", "Tangent"),
-}
 _ABOVE_EMISSION = ("Alpha", "Coat", "Sheen", "Normal")
 _SHADING_NORMAL = Expression("ShaderNodeNewGeometry", "Normal")
 _OWN_TANGENT = Expression("ShaderNodeNewGeometry", "Tangent")
@@ -98,16 +93,6 @@ class Surface:
     holdout: Triple = BLACK
     holdout_texture: Expression | None = None
     asked: tuple[str, ...] = ()
-
-    @property
-    def generated(self) -> bool:
-        """Whether it looks at Generated coordinates."""
-        textures = [self.albedo_texture, self.emission_texture, self.transmittance_texture]
-        textures.append(self.holdout_texture)
-        for closure in self.closures:
-            textures += [closure.weight, *closure.inputs.values(), closure.normal, closure.tangent]
-        kinds = {kind for each in textures if each for kind in each.kinds}
-        return not kinds.isdisjoint(_LOOK_AT_BOUNDS)
 
     @property
     def may_emit(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene import Mesh
-from ..textures import COLOUR, UV
+from ..textures import COLOUR, GENERATED, UV
 from .arrays import booleans, floats, integers
 
 _INTERNAL = {"position", "material_index", "sharp_face"}
@@ -25,11 +25,12 @@ _BOX_CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 
 _BOX_QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 
-def read_mesh(bl_mesh: Any) -> tuple[Mesh, int]:
+def read_mesh(bl_mesh: Any, *, modified: bool = False) -> tuple[Mesh, int]:
     """Return the triangles of an evaluated mesh, and how many that are not finite were left out.
 
     Model: which normals count is Cycles' choice. A mesh with custom normals or a sharp edge has
-    normals by corner, any other by vertex; sharp faces are flat.
+    normals by corner, any other by vertex; sharp faces are flat. Generated coordinates of `modified`
+    meshes are those of their vertices before they moved.
     """
     bl_mesh.calc_loop_triangles()
     corners = integers(bl_mesh.loop_triangles, "loops", 3)
@@ -43,6 +44,12 @@ def read_mesh(bl_mesh: Any) -> tuple[Mesh, int]:
     triangles, corners, faces = triangles[keep], corners[keep], faces[keep]
     smooth = _smooth(bl_mesh)[faces]
     slots = _face_values(bl_mesh, "material_index", np.int32)
+    attributes = _attributes(bl_mesh, triangles, corners, faces)
+    centre, size = np.array(bl_mesh.texspace_location), np.array(bl_mesh.texspace_size)
+    if modified:
+        before = floats(bl_mesh.vertices, "undeformed_co", 3)
+        place = 0.5 + 0.5 * (before - centre) / np.where(size == 0.0, 1.0, size)
+        attributes[GENERATED] = place.astype(np.float32)[triangles]
     mesh = Mesh(
         name=bl_mesh.name,
         vertices=vertices,
@@ -50,8 +57,8 @@ def read_mesh(bl_mesh: Any) -> tuple[Mesh, int]:
         normals=_normals(bl_mesh, vertices, triangles, corners, smooth),
         smooth=smooth,
         slots=np.zeros(len(faces), np.int32) if slots is None else np.maximum(slots[faces], 0),
-        attributes=_attributes(bl_mesh, triangles, corners, faces),
-        texture_space=(np.array(bl_mesh.texspace_location), np.array(bl_mesh.texspace_size)),
+        attributes=attributes,
+        texture_space=(centre, size),
     )
     return mesh, int(np.count_nonzero(~keep))
 

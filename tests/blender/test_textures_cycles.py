@@ -252,6 +252,22 @@ def panel(*, one_sided: bool = False, reflects: bool = False) -> None:
     add("Panel", mesh, **place, scale=(0.5, 0.4, 1))
 
 
+def deformed() -> None:
+    """A box that is bent, with colours by where its vertices were."""
+    box = stage(scale=(0.4, 0.4, 0.6))
+    bend = box.modifiers.new("Bend", 'SIMPLE_DEFORM')
+    bend.deform_method, bend.angle, bend.deform_axis = 'TWIST', 1.5, 'Z'
+    for kind in ("Simple", "Moved"):
+        cut = box.modifiers.new(kind, 'SUBSURF')
+        cut.subdivision_type, cut.render_levels = 'SIMPLE', 1
+    box.modifiers.new("Wave", 'CAST').factor = 0.6
+    tree = box.data.materials[0].node_tree
+    diffuse = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBsdfDiffuse")
+    place = tree.nodes.new(COORDINATE).outputs["Generated"]
+    textured(tree, diffuse.inputs["Color"], place, picture(3))
+    lamp('AREA', (-1, -1.2, 2.5))
+
+
 SLOW = pytest.mark.slow
 
 
@@ -261,6 +277,7 @@ SLOW = pytest.mark.slow
     [
         pytest.param(floor, "full", id="albedo"),
         pytest.param(panel, "full", id="emission"),
+        pytest.param(deformed, "full", id="generated-before-modifiers"),
         pytest.param(lambda: panel(one_sided=True), "full", id="one-sided", marks=SLOW),
         pytest.param(
             lambda: panel(one_sided=True, reflects=True), "full", id="one-diffuse", marks=SLOW
@@ -270,7 +287,7 @@ SLOW = pytest.mark.slow
 )
 def test_textured_surfaces_are_those_of_cycles(build: Callable[[], None], shading: Any) -> None:
     build()
-    more = {"ours": 384, "seeds": 12, "samples": 128} if build not in (floor, panel) else {}
+    more = {"ours": 384, "seeds": 12, "samples": 128} if build not in (floor, panel, deformed) else {}
     agrees(both_sides((48, 32), shading=shading, **more))
 
 
