@@ -192,12 +192,12 @@ class Scattering:
     """What closures do at n points: mixtures `parts` at some of them each."""
 
     def __init__(self, surface: Surface, parts: list[tuple[Ints, Mixture]]) -> None:
-        self._surface, self._parts = surface, parts
+        self._surface, self.parts = surface, parts
         self._wi, self._drawn = surface.normal.copy(order="K"), np.zeros(len(surface.point), bool)
 
     def draw(self, u: Floats) -> None:
         """Take the directions that `found` looks along, of `u` (n, 2) in [0, 1)."""
-        for rows, mixture in self._parts:
+        for rows, mixture in self.parts:
             wi = mixture.sample(u[rows])
             drawn = wi.any(axis=1)
             self._drawn[rows] = drawn
@@ -206,7 +206,7 @@ class Scattering:
     def _evaluated(self, wi: Floats, reaches: Sequence[str]) -> tuple[Floats, Floats]:
         """Return f |cosθ| (n, 3) of what an emitter reaches, and the density (n,) of all."""
         value, density = np.zeros_like(self._wi), np.zeros(len(wi))
-        for rows, mixture in self._parts:
+        for rows, mixture in self.parts:
             value[rows], density[rows] = mixture.evaluate(wi[rows], reaches)
         return value, density
 

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from ..laws import Judged
 
 
+SIDE = 160  # pixels of the longer side of the view in which Blender is asked what it computes
+
+
 @dataclass(frozen=True, kw_only=True)
 class MaterialsOptions(SceneCommand, verb="materials"):
     """Put materials to the three laws: positivity, reciprocity, conservation of energy.
@@ -29,10 +32,13 @@ class MaterialsOptions(SceneCommand, verb="materials"):
     )
 
     def run(self) -> Outcome:
-        from ..bpy_io.read import read_scene
+        from ..bpy_io.read import frame_size, read_scene
         from ..laws import judge
 
-        scene = read_scene(self.open(self.file, self.frame, need_camera=False))
+        bl_scene = self.open(self.file, self.frame, need_camera=False)
+        size = frame_size(bl_scene.render)
+        width, height = (max(1, side * min(SIDE, max(size)) // max(size)) for side in size)
+        scene = read_scene(bl_scene, ask=True, resolution=(width, height))
         judged = judge(scene)
         if self.plot:
             from ..report.furnace import write_furnaces
