@@ -183,6 +183,8 @@ def _input(socket: Any, groups: Groups, known: Known) -> Expression:
     if not socket.enabled:
         return constant(0.0)
     if source(socket, groups).output is None:
+        if socket.name == "Vector" and kind == "ShaderNodeTexEnvironment":
+            return Expression("ShaderNodeNewGeometry", "Position")
         if socket.name == "Vector" and kind.startswith("ShaderNodeTex"):
             image = kind == "ShaderNodeTexImage"
             return Expression("ShaderNodeTexCoord", "UV" if image else "Generated")
@@ -242,8 +244,8 @@ def _coordinates(node: Any) -> dict[str, Any]:
 
 def _image(node: Any) -> dict[str, Any]:
     image, moved = node.image, node.texture_mapping
-    if node.projection != 'FLAT' or tuple(moved.scale) != (1, 1, 1) or any(moved.translation):
-        raise UnknownNodeError(f"{node.bl_label} with a projection")
+    if tuple(moved.scale) != (1, 1, 1) or any((*moved.translation, *moved.rotation)):
+        raise UnknownNodeError(f"{node.bl_label} with a mapping of its own")
     if image is None:
         return {}
     space = image.colorspace_settings.name
@@ -257,7 +259,9 @@ def _image(node: Any) -> dict[str, Any]:
     return {
         "pixels": pixels,
         "encoded": space == "sRGB" and pixels.dtype == np.uint8,
-        "unassociate": straight and bool(node.outputs["Alpha"].is_linked),
+        "unassociate": straight
+        and "Alpha" in node.outputs
+        and bool(node.outputs["Alpha"].is_linked),
     }
 
 
@@ -295,6 +299,7 @@ _EXTRAS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "ShaderNodeVectorCurve": _curves,
     "ShaderNodeFloatCurve": _curves,
     "ShaderNodeTexImage": _image,
+    "ShaderNodeTexEnvironment": _image,
     "ShaderNodeTexCoord": _coordinates,
     "ShaderNodeNormal": lambda node: {"direction": tuple(node.outputs[0].default_value)},
     "ShaderNodeNormalMap": lambda node: {"unit_normal": bpy.app.version >= (5, 0)},

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A world's radiance by direction, as its node tree gives it: data of the scene, not light.
 
-A copy of the world alone is shown to a panoramic camera of Cycles, the only one that knows every
-node, with a ray through the middle of each pixel. An image stands in the map texel on texel, the
+Where all nodes are known they are evaluated, in the middle of each texel. Else a copy of the world
+alone is shown to a panoramic camera of Cycles, the only one that knows every node, with a ray
+through the middle of each pixel. An image stands in the map texel on texel, the
 camera turned as its Mapping node turns it; then both are bilinear between the same values. The
 discs that Sky Textures have for suns are taken out of the sky and measured apart, close up.
 """
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from ..lights import SkyMap
 from ..lights._environment import WHOLE
+from ..textures import Context, Expression
 from . import nodes
 from .expressions import behind
 from .witness import CyclesWitness
@@ -30,6 +32,7 @@ Look = Callable[..., NDArray[np.float32]]
 WIDTH, WIDEST = 2048, 8192  # of a map, in texels
 DISC = 256  # texels across a sun
 MARGIN = 1.05  # around it
+BATCH = 1 << 19  # directions at once
 _AS_IT_IS = {"Background", "TexEnvironment", "TexCoord", "Mapping", "Value", "RGB"}
 # From the map's axes, x ahead and z up, to those of a Blender camera, which looks along its -z.
 _CAMERA_FROM_MAP = Matrix(((0, -1, 0), (0, 0, 1), (-1, 0, 0)))
@@ -71,13 +74,60 @@ def _has_disc(node: Any) -> bool:
     return getattr(node, "sun_disc", False) and node.sky_type not in models
 
 
+def known_sky(bl_world: Any, radiance: Expression) -> SkyMap:
+    """Return the map of what an expression gives by direction."""
+    behind = [(output.node, turn) for output, turn in _behind(bl_world)]
+    turn, (width, height), finer, image = _grid(behind)
+    axes, tall = np.array(turn), height * finer
+    texels = np.empty((height, width, 3), dtype=np.float32)
+    direct = image and image.interpolation in {'Linear', 'Closest'} and _lookup(radiance)
+    azimuth = np.pi * (1.0 - 2.0 * (np.arange(width * finer) + 0.5) / (width * finer))
+    rows = max(1, BATCH // (width * finer**2))
+    for first in range(0, height, rows):
+        last = min(first + rows, height)
+        row = np.arange(first * finer, last * finer)
+        elevation = 0.5 * np.pi * (1.0 - 2.0 * (row + 0.5) / tall)[:, None]
+        level = np.cos(elevation)
+        local = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+        stacked = np.stack(np.broadcast_arrays(*local), axis=-1, dtype=np.float64)
+        wi = stacked.reshape(-1, 3) @ axes
+        context = Context(position=wi, normal=-wi, geometric=-wi, incoming=-wi)
+        if direct:  # texel on texel
+            pixels = direct.settings["pixels"][tall - 1 - row, :, :3].reshape(-1, 3) / 1.0
+            context.known[id(direct)] = pixels
+        found = radiance.rgb(context, len(wi)).reshape(last - first, finer, width, finer, 3)
+        texels[first:last] = found.mean(axis=(1, 3))
+    return SkyMap(texels, axes)
+
+
+def _lookup(found: Expression) -> Expression | None:
+    """Return the only environment in an expression, as its pixels are linear."""
+    all_of = [found]
+    for each in all_of:
+        all_of += each.inputs.values()
+    images = {id(e): e for e in all_of if e.kind == "ShaderNodeTexEnvironment"}
+    (image, *more) = images.values()
+    plain = "pixels" in image.settings and image.settings["pixels"].dtype == np.float32
+    return image if plain and not more else None
+
+
 def _whole(look: Look, textures: list[tuple[Any, Matrix | None]]) -> SkyMap:
-    """Return the map of all directions, as fine as the finest image."""
+    turn, size, coarser, _ = _grid(textures)
+    return SkyMap(look(turn, WHOLE, size, coarser**2), np.array(turn))
+
+
+def _grid(textures: list[tuple[Any, Matrix | None]]) -> tuple[Matrix, tuple[int, int], int, Any]:
+    """Return axes and size of a map of all directions, as fine as the finest image.
+
+    Also how many texels of that fineness are one of the map's along a side, and the texture whose
+    image stands in it texel on texel, if one does.
+    """
     images = [(n, turn) for n, turn in textures if getattr(n, "image", None)]
     images.sort(key=lambda image: -int(image[0].image.size[0]))
     node, turn = images[0] if images else (None, None)
     width, height = node.image.size if node else (0, 0)
     turns = [other for _, other in images]
+    finer = 1
     if (
         node
         and turn
@@ -89,11 +139,11 @@ def _whole(look: Look, textures: list[tuple[Any, Matrix | None]]) -> SkyMap:
         finer = 1 if kinds <= _AS_IT_IS else math.ceil(WIDTH / width) | 1  # odd: texels stay
         size = (finer * width, finer * height)
     else:
-        width, turn = max(2 * width, 4 * height, WIDTH), Matrix.Identity(3)
+        width, turn, node = max(2 * width, 4 * height, WIDTH), Matrix.Identity(3), None
         size = (width, width // 2)
     coarser = math.ceil(size[0] / WIDEST)
     size = (size[0] // coarser, size[1] // coarser)
-    return SkyMap(look(turn, WHOLE, size, coarser**2), np.array(turn))
+    return turn, size, coarser, node if finer == coarser == 1 else None
 
 
 def _disc(look: Look, sky: Any) -> SkyMap:

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 
 from blender_rad.bpy_io.read import read_scene  # noqa: E402
+from blender_rad.bpy_io.sky import measure_sky  # noqa: E402
 
 from .agreement import both_sides, look_at  # noqa: E402
 from .reading import CUBE, SQUARE, add, empty_scene, polygons  # noqa: E402
@@ -142,6 +143,34 @@ QUICK = ("sky-nishita", "sky-single_scattering")
 def test_world_is_that_of_cycles(name: str) -> None:
     CASES[name]()
     agrees(both_sides(SIZE))
+
+
+def spotted() -> None:
+    """A gradient with noise-free dots on the sphere, and an image mixed in by height."""
+    image_sky((0.2, 0.1, 0.7))()
+    tree = bpy.context.scene.world.node_tree
+    background = tree.nodes["Background"]
+    image = background.inputs["Color"].links[0].from_socket
+    place = node(tree, "NewGeometry").outputs["Position"]
+    up = node(tree, "SeparateXYZ")
+    tree.links.new(place, up.inputs[0])
+    mix = node(tree, "Mix", data_type='RGBA')
+    tree.links.new(up.outputs["Z"], mix.inputs["Factor"])
+    tree.links.new(image, mix.inputs[6])
+    mix.inputs[7].default_value = (0.3, 0.6, 0.9, 1.0)
+    tree.links.new(mix.outputs[2], background.inputs["Color"])
+
+
+@pytest.mark.parametrize("name", ["image", "image-turned", "mirror-ball", "spotted"])
+def test_a_known_tree_is_what_cycles_shows(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("blender_rad.bpy_io.sky.WIDTH", 256)
+    {**CASES, "spotted": spotted}[name]()
+    scene = bpy.context.scene
+    (known,), (seen,) = read_scene(scene).world.maps, measure_sky(scene.world, (1, 0.0))
+    np.testing.assert_allclose(known.map_from_world, seen.map_from_world, atol=1e-6)
+    off = np.abs(known.radiance / seen.radiance - 1.0)
+    assert np.quantile(off, 0.99) < 1e-3
+    assert known.radiance.sum() == pytest.approx(seen.radiance.sum(), rel=1e-4)
 
 
 def test_texels_of_a_turned_image_are_those_of_the_map() -> None:
