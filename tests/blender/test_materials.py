@@ -49,6 +49,9 @@ def test_each_material_is_judged_by_the_laws(tmp_path: Path) -> None:
     soot = {"Base Color": (0.05, 0.05, 0.05, 1), "Metallic": 1.0, "IOR": 4.0}
     show("Dull metal", 'ShaderNodeBsdfPrincipled', 3, **soot)
     show("Lamp", 'ShaderNodeEmission', 4, Strength=2.0)
+    cloudy = show("Cloudy", 'ShaderNodeBsdfDiffuse', -1).node_tree  # in view, above the floor
+    noise = cloudy.nodes.new('ShaderNodeTexNoise')
+    cloudy.links.new(noise.outputs["Color"], cloudy.nodes["Diffuse BSDF"].inputs["Color"])
     show("Toon", 'ShaderNodeBsdfToon', 5)
     rough = show("Rough", 'ShaderNodeBsdfAnisotropic', 6, Roughness=0.6)
     rough.node_tree.nodes["Glossy BSDF"].distribution = 'GGX'
@@ -71,6 +74,9 @@ def test_each_material_is_judged_by_the_laws(tmp_path: Path) -> None:
     assert found["Paint"]["not-reciprocal"] == "info", "by construction"
     assert found["Paint"]["reflectance-high"] == "warning"
     assert {"reflectance-of-metal-low", "ior-high"} <= found["Dull metal"].keys()
+    assert rows["Cloudy"]["reciprocal"] and 0.6 < rows["Cloudy"]["max_albedo"] < 1.0
+    low, high = (f(row[0] for row in rows["Cloudy"]["albedo"]) for f in (min, max))
+    assert 0.4 < low <= high < 0.6, "noise is 0.5 on average"
     assert not rows["Toon"]["supported"] and rows["Toon"]["positive"] is None
     run = inside("materials", wrong)
     assert run.code == 1
