@@ -9,11 +9,9 @@ from typing import Any, NamedTuple
 
 from .stating import unit_scale
 
-EU = "EU Regulation 244/2009, table 6 (lumens of equivalence claims)"
-SON = "makers' rated flux of lamps of this kind"
-HMI = "maker's rated flux of the lamp, before the head's optics"
-UNECE = "UN Regulation 37, objective flux"
-SUN = "IES daylight calculation (1984), clear sky: 127.5 klx exp(-0.21/sin h); colour approximate"
+USUAL = "typical value, manufacturers' data sheets"
+BARE = USUAL + "; the lamp alone, before the optics"
+SUN = "127.5 klx exp(-0.21/sin h), after the IES daylight calculation of 1984; colour approximate"
 BLUE, WHITE = "D65", "LED-B3"
 
 
@@ -37,39 +35,39 @@ SOURCES = {
     ),
     **{
         f"Incandescent bulb {watts} W (230 V)": Source(
-            'POINT', lumens, 'lm', "temperature:2700", BULB, 5, "usual rated flux, 230 V"
+            'POINT', lumens, 'lm', "temperature:2700", BULB, 10, USUAL
         )
         for watts, lumens in ((40, 415), (60, 710), (100, 1340))
     },
     **{
-        f"LED bulb, replaces {watts} W": Source('POINT', lumens, 'lm', "LED-B1", BULB, 10, EU)
+        f"LED bulb, replaces {watts} W": Source('POINT', lumens, 'lm', "LED-B1", BULB, 15, USUAL)
         for watts, lumens in ((25, 249), (40, 470), (60, 806), (75, 1055), (100, 1521))
     },
-    "Compact fluorescent, replaces 60 W": Source('POINT', 741, 'lm', "FL12", BULB, 10, EU),
-    "Halogen bulb, replaces 60 W": Source('POINT', 702, 'lm', "temperature:2800", BULB, 10, EU),
-    "Fluorescent tube T8 18 W / 840": Source('AREA', 1350, 'lm', "FL11", (0.59, 0.026), 5, SON),
-    "Fluorescent tube T8 36 W / 840": Source('AREA', 3350, 'lm', "FL11", TUBE, 5, SON),
-    "Fluorescent tube T8 58 W / 840": Source('AREA', 5200, 'lm', "FL11", (1.5, 0.026), 5, SON),
-    "Fluorescent tube T5 28 W / 840": Source('AREA', 2600, 'lm', "FL11", (1.15, 0.016), 5, SON),
+    "Compact fluorescent, replaces 60 W": Source('POINT', 741, 'lm', "FL12", BULB, 15, USUAL),
+    "Halogen bulb, replaces 60 W": Source('POINT', 702, 'lm', "temperature:2800", BULB, 15, USUAL),
+    "Fluorescent tube T8 18 W / 840": Source('AREA', 1350, 'lm', "FL11", (0.59, 0.026), 10, USUAL),
+    "Fluorescent tube T8 36 W / 840": Source('AREA', 3350, 'lm', "FL11", TUBE, 10, USUAL),
+    "Fluorescent tube T8 58 W / 840": Source('AREA', 5200, 'lm', "FL11", (1.5, 0.026), 10, USUAL),
+    "Fluorescent tube T5 28 W / 840": Source('AREA', 2600, 'lm', "FL11", (1.15, 0.016), 10, USUAL),
     "LED office panel 60 × 60 cm": Source(
-        'AREA', 3700, 'lm', WHITE, (0.6, 0.6), 15, "usual range 3300 to 4200 lm"
+        'AREA', 3700, 'lm', WHITE, (0.6, 0.6), 20, USUAL
     ),
     "Studio tungsten lamp 1000 W": Source(
-        'POINT', 26000, 'lm', "blackbody:3200", (0.01,), 10, "26 lm/W at 3200 K, before the optics"
+        'POINT', 26000, 'lm', "blackbody:3200", (0.01,), 15, BARE
     ),
-    "Studio HMI lamp 575 W": Source('POINT', 49000, 'lm', "D55", (0.005,), 5, HMI),
-    "Studio HMI lamp 1200 W": Source('POINT', 110000, 'lm', "D55", (0.006,), 5, HMI),
-    "Studio HMI lamp 2500 W": Source('POINT', 240000, 'lm', "D55", (0.008,), 5, HMI),
-    "Street, high-pressure sodium 70 W": Source('POINT', 6000, 'lm', "HP1", (0.03,), 5, SON),
-    "Street, high-pressure sodium 150 W": Source('POINT', 15000, 'lm', "HP1", (0.03,), 5, SON),
+    "Studio HMI lamp 575 W": Source('POINT', 49000, 'lm', "D55", (0.005,), 15, BARE),
+    "Studio HMI lamp 1200 W": Source('POINT', 110000, 'lm', "D55", (0.006,), 15, BARE),
+    "Studio HMI lamp 2500 W": Source('POINT', 240000, 'lm', "D55", (0.008,), 15, BARE),
+    "Street, high-pressure sodium 70 W": Source('POINT', 6000, 'lm', "HP1", (0.03,), 10, USUAL),
+    "Street, high-pressure sodium 150 W": Source('POINT', 15000, 'lm', "HP1", (0.03,), 10, USUAL),
     "Street, low-pressure sodium 180 W": Source(
-        'POINT', 32500, 'lm', "laser:589.3", (0.1,), 5, SON
+        'POINT', 32500, 'lm', "laser:589.3", (0.1,), 10, USUAL
     ),
     "Street, mercury vapour 125 W": Source(
-        'POINT', 6300, 'lm', "temperature:3800", (0.035,), 5, SON + "; its spectrum is lines"
+        'POINT', 6300, 'lm', "temperature:3800", (0.035,), 15, USUAL + "; its spectrum is lines"
     ),
-    "Car lamp H7": Source('POINT', 1500, 'lm', "temperature:3200", (0.002,), 10, UNECE),
-    "Car lamp H11": Source('POINT', 1350, 'lm', "temperature:3200", (0.002,), 10, UNECE),
+    "Car lamp H7": Source('POINT', 1500, 'lm', "temperature:3200", (0.002,), 15, USUAL),
+    "Car lamp H11": Source('POINT', 1350, 'lm', "temperature:3200", (0.002,), 15, USUAL),
     "Screen, sRGB reference": Source('AREA', 80, 'cd/m2', BLUE, (0.6, 0.34), 1, "IEC 61966-2-1"),
     "Screen, HDTV reference white": Source(
         'AREA', 100, 'cd/m2', BLUE, (0.94, 0.53), 1, "ITU-R BT.2035"
@@ -77,7 +75,7 @@ SOURCES = {
     "Screen, HDR reference white": Source(
         'AREA', 203, 'cd/m2', BLUE, (0.94, 0.53), 1, "ITU-R BT.2408"
     ),
-    "Cinema screen": Source('AREA', 48, 'cd/m2', BLUE, (12.0, 5.0), 10, "SMPTE ST 431-1"),
+    "Cinema screen": Source('AREA', 48, 'cd/m2', BLUE, (12.0, 5.0), 20, "usual projected white"),
     **{
         f"Sun, {height}° high, clear sky": Source(
             'SUN', round(127500 * math.exp(-0.21 / math.sin(math.radians(height))), -2), 'lx',
