@@ -137,17 +137,12 @@ class Microfacet(Lobe):
             value = spread / (1.0 + beckmann_masking(out) + beckmann_masking(back))
         else:
             value = ggx / (1.0 + ggx_masking(out) + ggx_masking(back))
-        density = self._sampled(density, wi, m)
         sharp = self._sharp()
         if sharp.any():
             found = np.all(np.abs(wi - self._leaving(self._level())) < WIDTH, axis=1)
             spike = np.where(found & (wi[:, 2] != 0.0) & (wo[:, 2] > 0.0), SPIKE, 0.0)
             value, density = np.where(sharp, spike, value), np.where(sharp, spike, density)
         return self._passed(np.abs(dot(wo, m))) * value[:, None], density
-
-    def _sampled(self, density: Array, wi: Array, m: Array) -> Array:
-        """Return the density of `sample`, of that by visible normals."""
-        return density
 
     def _level(self) -> Array:
         return np.broadcast_to(np.array([0.0, 0.0, 1.0]), self.wo.shape)
@@ -173,12 +168,10 @@ class Microfacet(Lobe):
 
 
 @dataclass(frozen=True)
-class Refraction(Microfacet):
+class VisibleRefraction(Microfacet):
     """Refraction by rough faces of what the Fresnel factor does not reflect; all of it without.
 
     Radiance is not compressed, as in Cycles, so that f(i, o) = η² f(o, i) seen from either side.
-    Nor does Cycles ask of light that it samples whether m faces both ways: at grazing angles that
-    makes energy, up to half as much again. `sample` goes there by Lambert's cosine.
 
     Attributes
     ----------
@@ -187,39 +180,22 @@ class Refraction(Microfacet):
 
     reciprocal: ClassVar[bool] = False
     transmits: ClassVar[bool] = True
-    conserves: ClassVar[bool] = False
     ray: ClassVar[str] = "transmission"
     ior: Array = field(kw_only=True)
 
     def _sharp(self) -> NDArray[np.bool_]:
         return super()._sharp() | (np.abs(self.ior - 1.0) < 1e-4)
 
-    def _by_cosine(self) -> Array:
-        """Return the share (n,) of directions sampled so, about that of such light."""
-        return np.where(self._sharp(), 0.0, 0.2 * self.alpha_x)
-
     def _facets(self, wi: Array) -> tuple[Array, Array]:
         half = self.wo + self.ior[:, None] * wi
         m = unit(half) * np.where(half[:, 2:] < 0.0, -1.0, 1.0)
-        out, square = dot(self.wo, m), self.ior**2
-        area = square * np.abs(out * dot(wi, m)) / np.maximum(dot(half, half), 1e-30)
-        return m, np.where((wi[:, 2] < 0.0) & (square - 1.0 + out * out > 0.0), area, 0.0)
+        out, back = dot(self.wo, m), dot(wi, m)
+        area = self.ior**2 * np.abs(out * back) / np.maximum(dot(half, half), 1e-30)
+        return m, np.where((wi[:, 2] < 0.0) & self._counts(out, back), area, 0.0)
 
-    def _sampled(self, density: Array, wi: Array, m: Array) -> Array:
-        faces = (dot(self.wo, m) > 0.0) & (dot(wi, m) < 0.0)
-        lambert = self._by_cosine() * np.maximum(-wi[:, 2], 0.0) / np.pi
-        return lambert + (1.0 - self._by_cosine()) * np.where(faces, density, 0.0)
-
-    def sample(self, u: Array) -> Array:
-        lambert = self._by_cosine()
-        again = (u[:, 0] - lambert) / (1.0 - lambert)
-        wi = super().sample(np.stack([np.maximum(again, 0.0), u[:, 1]]).T)
-        rows = np.flatnonzero(again < 0.0)
-        square, turn = u[rows, 0] / lambert[rows], 2.0 * np.pi * u[rows, 1]
-        flat = np.sqrt(1.0 - square)
-        local = np.stack([flat * np.cos(turn), flat * np.sin(turn), -np.sqrt(square)]).T
-        wi[rows] = Frame(*(axis[rows] for axis in self.frame)).world(local)
-        return wi
+    def _counts(self, out: Array, back: Array) -> NDArray[np.bool_]:
+        """Return whether facets refract, by o·m and i·m."""
+        return (out > 0.0) & (back < 0.0)
 
     def _leaving(self, m: Array) -> Array:
         cosine, share = dot(self.wo, m), 1.0 / self.ior
@@ -232,12 +208,32 @@ class Refraction(Microfacet):
         return 1.0 - super()._passed(cosine) if self.fresnel else np.ones((1, 1))
 
     @classmethod
-    def examples(cls, wo: Array, frame: Frame) -> Sequence[Refraction]:
+    def examples(cls, wo: Array, frame: Frame) -> Sequence[VisibleRefraction]:
         n = len(wo)
         white, local = np.ones((n, 3)), frame.local(wo)
 
-        def lobe(alpha: float, ior: float, beckmann: bool = False) -> Refraction:
+        def lobe(alpha: float, ior: float, beckmann: bool = False) -> VisibleRefraction:
             eta, rough = np.full(n, ior), np.full(n, alpha)
             return cls(white, frame, local, rough, rough, Dielectric(eta), beckmann, ior=eta)
 
         return [lobe(0.2, 1.5), lobe(0.5, 1 / 1.5), lobe(0.3, 1.33, True)]
+
+
+@dataclass(frozen=True)
+class Refraction(VisibleRefraction):
+    """Refraction as Cycles evaluates it, also by facets that neither side could see.
+
+    Of light that it samples Cycles does not ask that m faces both ways, short of total reflection:
+    at roughness 1 and grazing angles that makes half as much energy again. Its density says so too,
+    though its directions never go there; multiple importance sampling then loses of that light, in
+    wide worlds most, what Cycles loses.
+    """
+
+    conserves: ClassVar[bool] = False
+
+    def _counts(self, out: Array, back: Array) -> NDArray[np.bool_]:
+        return self.ior**2 - 1.0 + out * out > 0.0
+
+    @classmethod
+    def examples(cls, wo: Array, frame: Frame) -> Sequence[Refraction]:
+        return []  # its density is not that of its samples
