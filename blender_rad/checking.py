@@ -163,15 +163,16 @@ class Check:
         """Judge a witness that can be asked for more; `samples` a pixel and seed if it is fixed."""
         each = samples or self.terms.samples or FIRST_SAMPLES
         pictures = self._ask_witness(witness, range(1, FIRST_SEEDS + 1), each)
-        round_index = 0
+        round_index, fixed = 0, self.terms.samples is not None
         while True:
-            judged = partial(judge, self.film, pictures, round_index=round_index)
+            last = round_index == MAX_ROUNDS - 1
+            budget = math.inf if fixed else 1.0 if last else MAX_SEEDS / len(pictures)
+            judged = partial(judge, self.film, pictures, round_index=round_index, budget=budget)
             comparison = self._decide(judged)
             if comparison.needed_factor is None:
                 break
             ours, seeds = self._wanted(comparison, len(pictures))
-            last = round_index == MAX_ROUNDS - 1 or self.terms.samples is not None
-            if last or (ours == self._our_samples and seeds == len(pictures)):
+            if last or fixed or (ours == self._our_samples and seeds == len(pictures)):
                 comparison = self._too_noisy(comparison)
                 break
             if ours > self._our_samples:

@@ -138,6 +138,7 @@ class Case:
     alternatives : for a light's name, by code of a cause, the (p,)-flattened cell sums of the layer
         that the light would have under it.
     unit_scale_m, film_exposure : of the file.
+    bearable : the error of a factor beyond which lights join, since samples would not do.
     """
 
     cells: Cells
@@ -148,6 +149,7 @@ class Case:
     alternatives: Mapping[str, Mapping[str, Array]]
     unit_scale_m: float
     film_exposure: float | None
+    bearable: float = math.inf
 
     @cached_property
     def pools(self) -> Pools:
@@ -157,7 +159,7 @@ class Case:
     @cached_property
     def problem(self) -> Problem:
         """The fit of all lights."""
-        return problem_from_cells(self.cells, self.pools)
+        return problem_from_cells(self.cells, self.pools).joined(self.bearable)
 
     def verdicts(self, known: Estimates) -> list[Verdict]:
         """Return those of the groups from their factors."""

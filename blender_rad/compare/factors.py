@@ -8,15 +8,17 @@ factor is the spread of its fits, so that no noise model has to be true for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from .pools import CELLS_A_TILE, Array, Cells, Estimates, Pools, block_sums, estimate
+from .result import MIN_ENERGY
 
 MAX_INFLATION = 400.0  # a factor 20 times noisier than alone would take 400 times the samples
 TANGLED = 0.9  # partial correlation of factors, beyond which all join at once
+HOT = 3.0  # far enough for our own noise not to be taken for it
 _RIDGE = 1e-9
 
 
@@ -28,8 +30,9 @@ def model_weights(cells: Cells, pools: Pools) -> Array:
     darker and its brighter half, and `ours` is the mean of the 16×16 tile, which hardly knows the
     noise of one cell of ours. What the camera sees directly is added as it is: a few pixels on the
     edge of an emitter may hold most of a picture's noise, since each sample meets it or misses it,
-    with variance L p (1 − p) L ≤ L·seen. Its c takes a sample for as noisy, relative to its mean
-    squared, as it is in the median tile.
+    with variance L p (1 − p) L ≤ L·seen. So may the hot spots of lights that almost touch surfaces:
+    c times the square of what exceeds `HOT` times the tile's mean is added too. Here c takes a
+    sample for as noisy, relative to its mean squared, as it is in the median tile.
     """
     scale, variance = pools.tiles.scale, pools.tiles.witness_variance * pools.pixels
     a, b, c = 0.0, 0.0, 0.0
@@ -47,7 +50,9 @@ def model_weights(cells: Cells, pools: Pools) -> Array:
     rows, columns = cells.ours.shape[:2]
     spread = np.repeat(np.repeat(mean, CELLS_A_TILE, axis=0), CELLS_A_TILE, axis=1)
     seen = np.abs(cells.seen) / np.maximum(total, 1.0)
-    noise = a + b * spread[:rows, :columns] + c * seen.max() * seen
+    spread = spread[:rows, :columns]
+    hot = np.maximum(np.abs(cells.ours) / np.maximum(total, 1.0) - HOT * spread, 0.0)
+    noise = a + b * spread + c * (seen.max() * seen + hot**2)
     weight = 1.0 / (np.maximum(total, 1.0) * noise)
     return weight / weight.max() * (cells.counts > 0)
 
@@ -149,6 +154,29 @@ class Problem:
     weights: Array
     seen: Array
     variance: Array
+
+    def joined(self, bearable: float) -> Problem:
+        """Return it with groups joined until each that is judged has an error that is `bearable`.
+
+        One that has not joins the one that its factor depends on most.
+        """
+        if len(self.groups) < 2:
+            return self
+        error = np.where(self.energy >= MIN_ENERGY, self.known.error, 0.0)
+        worst = int(np.argmax(error))
+        if error[worst] <= bearable:
+            return self
+        inverse = _inverse((self.columns * self.weights.mean(axis=0)) @ self.columns.T)
+        partial = np.abs(inverse[worst]) / np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+        partial[worst] = -1.0
+        pair = sorted((worst, int(np.argmax(partial))))
+        columns, noise = (
+            np.vstack([np.delete(x, pair, axis=0), x[pair].sum(axis=0)])
+            for x in (self.columns, self.noise)
+        )
+        groups = [group for g, group in enumerate(self.groups) if g not in pair]
+        groups.append(sorted(self.groups[pair[0]] + self.groups[pair[1]]))
+        return replace(self, groups=groups, columns=columns, noise=noise).joined(bearable)
 
     @property
     def energy(self) -> Array:

@@ -18,6 +18,7 @@ from .metrics import compute_all
 from .pools import (
     DARK,
     FLOAT32_ROUNDING,
+    MAX_DF,
     Array,
     Cells,
     Mask,
@@ -32,6 +33,7 @@ from .result import MIN_SUPPORTED, Comparison, LightInfo, LightResult, PixelCoun
 from .statistics import critical_value
 
 SHARED_ERRORS = 10.0  # ratio of variances; blue noise alone keeps it below 1 on average
+REGROUPED = 1.0 / 8.0  # (1 − 2⁻⁴)(1 + 1/16) < 1, half of a level being that of lights
 Layers = Mapping[str, Mapping[str, Picture]]
 
 
@@ -44,6 +46,7 @@ def judge(
     confidence: float = 0.99,
     round_index: int = 0,
     independent: bool = True,
+    budget: float = math.inf,
     alternatives: Layers | None = None,
     unit_scale_m: float = 1.0,
     film_exposure: float | None = None,
@@ -63,6 +66,9 @@ def judge(
     tolerance : relative, of energies and lights; tiles have five times that.
     confidence : false alarms, and false agreements, each at most 1 − confidence over all rounds.
     round_index : how often this comparison has been judged before with fewer samples.
+    budget : how many times the samples there could be. Lights whose factors even these would not
+        tell are judged as groups, if nothing differs before: of `REGROUPED` times the level, so
+        that false alarms over four rounds stay what they are.
     alternatives : for a light's name, by code of a cause, the (h, w, 3) layer that it would have.
     unit_scale_m : of the file, for the diagnosis.
     film_exposure : of the witness's file if it was not set to 1, for the diagnosis.
@@ -97,7 +103,9 @@ def judge(
         unit_scale_m,
         film_exposure,
     )
-    return _judge(_Job(film, pictures, compared, findings, infos, case))
+    # An error of τ/(t + 1) leaves a difference of one error within the tolerance τ.
+    bearable = tolerance * math.sqrt(budget) / (critical_value(alpha / 2.0, MAX_DF) + 1.0)
+    return _judge(_Job(film, pictures, compared, findings, infos, case, bearable))
 
 
 judge_pictures = partial(judge, independent=False)
@@ -105,7 +113,7 @@ judge_pictures = partial(judge, independent=False)
 
 @dataclass(frozen=True)
 class _Job:
-    """A comparison to be made; `findings` grow while it is."""
+    """A comparison to be made; `findings` grow while it is. `bearable` : for a second look."""
 
     film: Film
     pictures: Picture
@@ -113,6 +121,7 @@ class _Job:
     findings: list[Finding]
     infos: Mapping[str, LightInfo]
     case: Case
+    bearable: float = math.inf
 
     def has(self, code: str) -> bool:
         return any(finding.code == code for finding in self.findings)
@@ -156,6 +165,11 @@ def _judge(job: _Job) -> Comparison:
     claims = claims_of(case.pools, problem, case.tolerance)
     outside, within = claims.outside(case.alpha), claims.within(case.agree_alpha)
     verdict = "undecided" if job.has("coverage-low") else claims.verdict(outside, within)
+    undecided = verdict == "undecided" and not job.has("coverage-low")
+    if undecided and job.bearable < case.bearable:
+        joined = replace(case, bearable=job.bearable, alpha=REGROUPED * case.alpha)
+        if len(joined.problem.groups) < len(problem.groups):
+            return _judge(replace(job, case=joined))
     verdicts = claims.verdicts(len(problem.groups), outside, within)
     explained = Diagnosis(problem.known, verdicts, [None] * len(verdicts), [])
     if verdict == "differ":
@@ -164,9 +178,9 @@ def _judge(job: _Job) -> Comparison:
         job.findings.extend(_tile_findings(case.pools, outside[claims.group == TILES]))
     rows = _light_results(job, explained)
     comparison = Comparison(verdict, _pixels(job, mean), metrics, rows, tuple(job.findings))
-    if verdict != "undecided" or not case.agree_alpha or job.has("coverage-low"):
+    if not undecided or not case.agree_alpha:
         return comparison
-    group, ahead = foretell(claims, case.alpha)
+    group, ahead = foretell(claims, case.agree_alpha)
     return replace(comparison, held_up_by=_subject(case, group), **ahead)
 
 
