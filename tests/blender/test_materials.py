@@ -11,7 +11,10 @@ import pytest
 pytestmark = pytest.mark.blender
 bpy = pytest.importorskip("bpy")
 
-from . import reading  # noqa: E402
+import numpy as np  # noqa: E402
+from mathutils import Matrix  # noqa: E402
+
+from . import facets, reading  # noqa: E402
 from .promised import inside, link, save, stage  # noqa: E402
 
 KEYS = {
@@ -81,3 +84,24 @@ def test_each_material_is_judged_by_the_laws(tmp_path: Path) -> None:
     run = inside("materials", wrong)
     assert run.code == 1
     assert "error: Glow: 1.5 of the light leaves" in run.out
+
+
+def test_cycles_itself_is_reciprocal_where_we_say_so(tmp_path: Path) -> None:
+    """f(i → r) over f(r → i), on pairs of quads that light and view meet the other way round."""
+    angles = np.radians([5.0, 80.0, 20.0, 65.0])
+    wi = np.array([np.sin(angles[0] + angles[1]), 0.0, np.cos(angles[0] + angles[1])])
+    quads = np.array([np.array(Matrix.Rotation(angle, 3, 'Y')) for angle in angles])
+    inputs = {"Color": (1.0, 1.0, 1.0), "Roughness": 0.6}
+    closures = [
+        facets.Closure("ShaderNodeBsdfAnisotropic", inputs, {"distribution": kind})
+        for kind in ('GGX', 'BECKMANN', 'MULTI_GGX')
+    ]
+    white = {"Base Color": (1.0, 1.0, 1.0), "Roughness": 0.3}
+    closures.append(facets.Closure("ShaderNodeBsdfPrincipled", white))
+    shown = facets.shot(closures, [quads] * 4, wi, tmp_path).mean(axis=2)
+    f = shown / (quads[:, :, 2] @ wi)
+    ratio = f[:, ::2] / f[:, 1::2]
+    assert ratio[:2] == pytest.approx(1.0, abs=2e-4)
+    assert (np.abs(ratio[2:] - 1.0).max(axis=1) > [0.04, 0.3]).all(), ratio
+    ours = closures[2].ours(quads[:, :, 2], wi).mean(axis=1) / (quads[:, :, 2] @ wi)
+    assert ratio[2] == pytest.approx(ours[::2] / ours[1::2], abs=2e-3)
