@@ -21,7 +21,9 @@ from .arrays import matrix
 
 Groups = tuple[Any, ...]
 Known = dict[tuple[int, ...], Expression]
-IMAGES: WeakValueDictionary[tuple[str, int], Any] = WeakValueDictionary()  # pixels, of one reading
+Pixels = NDArray[np.uint8] | NDArray[np.float32]
+# Pixels by image and tile, of one reading.
+IMAGES: WeakValueDictionary[tuple[str, int, int], Any] = WeakValueDictionary()
 
 TABLE = 256  # samples that Cycles takes of ramps and curves
 NUMBERS = {"VALUE", "INT", "BOOLEAN"}
@@ -250,14 +252,18 @@ def _image(node: Any) -> dict[str, Any]:
         return {}
     space = image.colorspace_settings.name
     plain = _rec709() or space in {"Non-Color", "Raw"}
-    if image.source not in {'FILE', 'GENERATED'} or space not in {*_LINEAR, "sRGB"} or not plain:
+    known = {'FILE', 'GENERATED'} | ({'TILED'} if node.projection == 'FLAT' else set())
+    if image.source not in known or space not in {*_LINEAR, "sRGB"} or not plain:
         raise UnknownNodeError(f"{node.bl_label} ({image.source.lower()}, {space})")
-    pixels = _pixels(image)
+    tiles = {t.number: _pixels(image, t.number) for t in image.tiles if image.source == 'TILED'}
+    there = {number: pixels for number, pixels in tiles.items() if pixels is not None}
+    pixels = next(iter(there.values())) if there else _pixels(image)
     if pixels is None:
         return {}
     straight = image.alpha_mode in {'STRAIGHT', 'PREMUL'} and space != "Non-Color"
     return {
         "pixels": pixels,
+        **({"tiles": there} if there else {}),
         "encoded": space == "sRGB" and pixels.dtype == np.uint8,
         "unassociate": straight
         and "Alpha" in node.outputs
@@ -271,11 +277,24 @@ def _rec709() -> bool:
     return working_space() == "Linear Rec.709"
 
 
-def _pixels(image: Any) -> NDArray[np.uint8] | NDArray[np.float32] | None:
+def _pixels(image: Any, tile: int = 0) -> Pixels | None:
     """Return an image's pixels (h, w, 4) as Cycles stores them; None of one that is missing."""
-    place = (image.name_full, image.as_pointer())
-    if place in IMAGES:
-        return IMAGES[place]
+    place = (image.name_full, image.as_pointer(), tile)
+    found = IMAGES.get(place)
+    if found is None and tile:  # Blender gives the pixels of the first tile alone
+        alone = image.original.copy()
+        for other in [each for each in alone.tiles if each.number != tile]:
+            alone.tiles.remove(other)
+        found = _stored(alone)
+        bpy.data.images.remove(alone)
+    elif found is None:
+        found = _stored(image)
+    if found is not None:
+        IMAGES[place] = found
+    return found
+
+
+def _stored(image: Any) -> Pixels | None:
     width, height = image.size
     if not width * height or not len(image.pixels):
         return None
@@ -288,8 +307,7 @@ def _pixels(image: Any) -> NDArray[np.uint8] | NDArray[np.float32] | None:
         whole = np.round(pixels * 255.0).astype(np.uint16)
         if image.alpha_mode == 'STRAIGHT' and image.colorspace_settings.name != "Non-Color":
             whole[..., :3] = whole[..., :3] * whole[..., 3:] // 255
-        pixels = whole.astype(np.uint8)
-    IMAGES[place] = pixels
+        return whole.astype(np.uint8)
     return pixels
 
 

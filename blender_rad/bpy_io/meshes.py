@@ -29,7 +29,7 @@ def read_mesh(bl_mesh: Any, *, modified: bool = False) -> tuple[Mesh, int]:
     """Return the triangles of an evaluated mesh, and how many that are not finite were left out.
 
     Model: which normals count is Cycles' choice. A mesh with custom normals or a sharp edge has
-    normals by corner, any other by vertex; sharp faces are flat. Generated coordinates of `modified`
+    normals by corner, any other by vertex; sharp faces are flat. Generated coordinates of modified
     meshes are those of their vertices before they moved.
     """
     bl_mesh.calc_loop_triangles()

@@ -9,6 +9,7 @@ alpha again only where the Alpha output is used.
 setting                meaning
 ====================== ==========================================================================
 `pixels`               (h, w, 4) float32 or uint8, from the lower left; absent: no image, magenta
+`tiles`                pixels by the number of a UDIM tile; absent: `pixels` repeat
 `encoded`              sRGB, to be decoded
 `unassociate`          divide by alpha
 `interpolation`        Closest, Linear, Cubic (B-spline, also for Smart)
@@ -29,6 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._base import TEXTURES, Array, Call, divided, unit
+
+Pixels = NDArray[np.uint8] | NDArray[np.float32]
 
 MISSING = np.array([[1.0, 0.0, 1.0, 1.0]])
 
@@ -118,7 +121,7 @@ def _decoded(call: Call, place: Callable[[], Array], extension: str) -> Array:
     pixels = call.settings.get("pixels")
     rgba = MISSING
     if pixels is not None:
-        rgba = _sampled(pixels, place(), call.settings["interpolation"], extension)
+        rgba = _on_tiles(call, pixels, place(), extension)
     if pixels is not None and call.settings["unassociate"]:
         alpha = rgba[:, 3:]
         rgba = np.append(rgba[:, :3] / np.where(alpha == 0.0, 1.0, alpha), alpha, axis=1)
@@ -128,9 +131,22 @@ def _decoded(call: Call, place: Callable[[], Array], extension: str) -> Array:
     return from_srgb(rgba[:, :3]) if encoded else rgba[:, :3]
 
 
-def _sampled(
-    pixels: NDArray[np.uint8] | NDArray[np.float32], uv: Array, interpolation: str, extension: str
-) -> Array:
+def _on_tiles(call: Call, pixels: Pixels, uv: Array, extension: str) -> Array:
+    """Return what is at `uv` (n, 2), which are columns and rows of tiles if there are any."""
+    tiles, interpolation = call.settings.get("tiles"), call.settings["interpolation"]
+    if tiles is None:
+        return _sampled(pixels, uv, interpolation, extension)
+    found = np.tile(MISSING, (len(uv), 1))
+    column, row = place = np.trunc(uv[:, :2]).T
+    number = np.where((column < 10) & (place >= 0).all(axis=0), 1001 + column + 10 * row, 0)
+    for tile, own_pixels in tiles.items():
+        own = number == tile
+        within = uv[own, :2] - place.T[own]
+        found[own] = _sampled(own_pixels, within, interpolation, extension)
+    return found
+
+
+def _sampled(pixels: Pixels, uv: Array, interpolation: str, extension: str) -> Array:
     (x, along), (y, across) = (
         _taps(uv[:, axis] * pixels.shape[1 - axis], interpolation) for axis in (0, 1)
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -15,7 +16,7 @@ from blender_rad.textures.arithmetic import OF_NUMBERS, OF_VECTORS
 from blender_rad.textures.colours import BLENDS
 
 from .agreement import TILE, both_sides, lamp, look_at
-from .reading import SQUARE, add, empty_scene, material, node, polygons
+from .reading import SQUARE, add, empty_scene, material, node, polygons, sphere
 from .test_features_cycles import agrees, stage
 
 COLUMNS = 12
@@ -252,6 +253,49 @@ def panel(*, one_sided: bool = False, reflects: bool = False) -> None:
     add("Panel", mesh, **place, scale=(0.5, 0.4, 1))
 
 
+def projected(projection: str, blend: float = 0.0) -> Callable[[], None]:
+    """A turned box, and a ball, with an image projected on them."""
+
+    def build() -> None:
+        box = stage(rotation_euler=(0.3, 0.2, 0.5))
+        ball = add("Ball", sphere("Ball"), location=(-0.6, 0.1, 0.5), scale=(0.5, 0.4, 0.5))
+        for each in (box, ball):
+            tree = each.data.materials[0].node_tree
+            diffuse = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBsdfDiffuse")
+            place = tree.nodes.new(COORDINATE).outputs["Generated"]
+            settings = {"projection": projection, "projection_blend": blend}
+            textured(tree, diffuse.inputs["Color"], place, picture(3), **settings)
+        lamp('AREA', (-1, -1.2, 2.5))
+
+    return build
+
+
+def tiled() -> None:
+    """Four squares on tiles 1001, 1002, 1011 and 1012, of which the third has no picture."""
+    stage()
+    pattern = Path(bpy.app.tempdir) / "tile.<UDIM>.png"
+    numbers = (1001, 1002, 1012)
+    for number in numbers:
+        one = picture(number)
+        one.file_format, one.filepath_raw = 'PNG', str(pattern).replace("<UDIM>", str(number))
+        one.save()
+    image = bpy.data.images.load(str(pattern).replace("<UDIM>", "1001"))
+    image.source, image.filepath = 'TILED', str(pattern)
+    for number in numbers[1:]:
+        image.tiles.new(number)
+    paint = bpy.data.objects["Floor"].data.materials[0]
+    diffuse = next(n for n in paint.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfDiffuse")
+    textured(paint.node_tree, diffuse.inputs["Color"], None, image)
+    for k in range(4):
+        column, row = k % 2, k // 2
+        mesh = with_uv(polygons(f"Square {k}", *SQUARE))
+        mesh.materials[0] = paint
+        for each in mesh.uv_layers[0].data:
+            each.uv = (column + 0.9 * each.uv[0], row + 0.1 + 0.8 * each.uv[1])
+        add(f"Square {k}", mesh, location=(2 * column - 1, 2 * row - 1, 0.01))
+    lamp('POINT', (-1, -1.2, 2.5), shadow_soft_size=0.1)
+
+
 def deformed() -> None:
     """A box that is bent, with colours by where its vertices were."""
     box = stage(scale=(0.4, 0.4, 0.6))
@@ -278,6 +322,11 @@ SLOW = pytest.mark.slow
         pytest.param(floor, "full", id="albedo"),
         pytest.param(panel, "full", id="emission"),
         pytest.param(deformed, "full", id="generated-before-modifiers"),
+        pytest.param(projected('BOX', 0.4), "full", id="box-projection"),
+        pytest.param(tiled, "full", id="udim-tiles"),
+        pytest.param(projected('BOX'), "full", id="box-without-blend", marks=SLOW),
+        pytest.param(projected('SPHERE'), "full", id="sphere-projection", marks=SLOW),
+        pytest.param(projected('TUBE'), "full", id="tube-projection", marks=SLOW),
         pytest.param(lambda: panel(one_sided=True), "full", id="one-sided", marks=SLOW),
         pytest.param(
             lambda: panel(one_sided=True, reflects=True), "full", id="one-diffuse", marks=SLOW
@@ -287,7 +336,8 @@ SLOW = pytest.mark.slow
 )
 def test_textured_surfaces_are_those_of_cycles(build: Callable[[], None], shading: Any) -> None:
     build()
-    more = {"ours": 384, "seeds": 12, "samples": 128} if build not in (floor, panel, deformed) else {}
+    noisy = build.__name__ == "<lambda>"  # one-sided
+    more = {"ours": 384, "seeds": 12, "samples": 128} if noisy else {}
     agrees(both_sides((48, 32), shading=shading, **more))
 
 

@@ -19,7 +19,7 @@ PIXELS[..., 3] = 1.0
 
 def image(interpolation: str, extension: str, pixels: object = PIXELS) -> Expression:
     settings = {"pixels": pixels, "encoded": False, "unassociate": False}
-    settings |= {"interpolation": interpolation, "extension": extension}
+    settings |= {"interpolation": interpolation, "extension": extension, "projection": "FLAT"}
     place = Expression("ShaderNodeTexCoord", "UV")
     return Expression("ShaderNodeTexImage", "Color", settings, {"Vector": place})
 
