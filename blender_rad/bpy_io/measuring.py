@@ -44,7 +44,7 @@ def measure(
         cycles = CyclesWitness(scene, resolution=(finer * width, finer * height))
         cycles.prepare()
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = 'GAUSSIAN', 0.01
-        scene.render.use_persistent_data = False
+        scene.render.use_persistent_data = scene.render.use_border = False
         layer = next(layer for layer in scene.view_layers if layer.use)
         for slot in range(count):
             layer.aovs.add().name = _name(slot)
