@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from typing import TypeVar
 
@@ -30,6 +30,7 @@ from .emitters import WORLD_NAME, world_lights
 from .errors import RadError
 from .film import Film, lift, neighbourhood_mean
 from .holdouts import Holdouts
+from .measurement import Measurement
 from .pixels import Batch, Pixels
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Material, Scene, Unsupported
@@ -49,6 +50,7 @@ BATCH = 20480  # camera samples worked off at a time, so that arrays stay near t
 MAX_SAMPLES = MAX_POINTS
 ANOTHER_SEED = 0x10001  # between surfaces behind each other
 BEHIND = "Measured sockets behind transparent surfaces"
+EDGES = "Measured sockets on slivers"
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
 
 
@@ -132,15 +134,15 @@ class _Run:
         materials = [Material(m.name) if m.held_out else m for m in scene.materials]
         geometry = light.geometry
         self.holdouts = Holdouts(scene, geometry, light.transmission)
-        self.albedo, self.emission, self.normals = (
+        self.albedo, self.emission = (
             Shading(scene, geometry, colours, textures)
             for colours, textures in (
                 ([m.albedo for m in materials], [m.albedo_texture for m in materials]),
                 ([m.emission for m in materials], [m.emission_texture for m in materials]),
-                ([(0.0, 0.0, 0.0)] * len(materials), [m.normal for m in materials]),
             )
         )
         self.closures = Closures(scene, geometry)
+        self.measurement = Measurement(scene, camera, geometry, light.visibility.camera)
         self.unsupported = [m.unsupported for m in scene.materials]
         self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
         self.world = world_lights(scene)
@@ -270,9 +272,9 @@ class _Run:
         index = np.repeat(self.sums.taken[rows] // STREAMS, count)
         stream = np.tile(np.arange(count), len(rows))
         uniform = Points(pixel, stream, index, self.settings.seed + passed * ANOTHER_SEED)
-        subpixel = None
+        where = None
         if rays is None:
-            where, subpixel = self._positions(pixel, uniform.pair(0))
+            where = self._positions(pixel, uniform.pair(0))
             lens = uniform.pair(-1) if self.camera.aperture else None
             rays = camera_rays(self.camera, self.scene.resolution, where, lens)
         hits = self.light.visibility.camera.intersect(rays.origins, rays.directions)
@@ -282,8 +284,8 @@ class _Run:
         if len(batch.hits):
             directions = pick(rays.directions, batch.hits)
             surface = self.light.geometry.surface(hits.take(batch.hits), directions)
-            if subpixel is not None:
-                surface = self._measured(surface, subpixel.take(batch.hits))
+            if where is not None and self.scene.measured is not None:
+                surface = self._measured(batch, surface, pick(where, batch.hits))
             leaving = self._surfaces(batch, surface)
             if self.holdouts.exist:
                 held = batch.weighed(batch.spread(self.holdouts.at(surface)))
@@ -330,11 +332,11 @@ class _Run:
             sums.depth[span] = reduce(np.minimum, batch.by_pixel(depth).T, sums.depth[span])
         materials = np.flatnonzero(np.bincount(surface.material))
         for material in materials:
+            rows = np.flatnonzero(surface.material == material)
             for cause in self.unsupported[material]:
-                self._exclude(batch, batch.hits[surface.material == material], cause)
+                self._exclude(batch, batch.hits[rows], cause)
             if self.scene.materials[material].measured and surface.subpixel is None:
-                cause = Unsupported("material", self.scene.materials[material].name, BEHIND)
-                self._exclude(batch, batch.hits[surface.material == material], cause)
+                self._unmeasured(batch, surface, rows, BEHIND)
         if not any(self.scene.materials[m].emits for m in materials):
             return np.zeros_like(surface.point)
         emission = self.emission.at(surface)
@@ -380,29 +382,22 @@ class _Run:
             batch.add(batch.total(batch.spread(irradiance)), self.sums.irradiance)
         return brdf * irradiance + scattered
 
-    def _positions(self, pixel: Ints, jitter: Floats) -> tuple[Floats, Ints | None]:
-        """Return picture positions (n, 2), y up, of a box filter one pixel wide.
-
-        Where things are measured they are where that is: the second are points of the measurement.
-        """
+    def _positions(self, pixel: Ints, jitter: Floats) -> Floats:
+        """Return picture positions (n, 2), y up, of a box filter one pixel wide."""
         width, height = self.scene.resolution
         row, column = np.divmod(pixel, width)
-        where = np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]])
-        if self.scene.measured is None:
-            return where.T, None
-        rows, columns = self.scene.measured.shape[1:3]
-        finer = columns / width
-        i, j = np.floor(where * finer)
-        centre = (np.stack([i, j]).T + 0.5) / finer
-        return centre, ((rows - 1 - j) * columns + i).astype(np.int64)
+        return np.stack([column + jitter[:, 0], height - 1 - row + jitter[:, 1]]).T
 
-    def _measured(self, surface: Surface, subpixel: Ints) -> Surface:
-        """Return `surface` with what is measured there, its normals among it."""
-        surface = replace(surface, subpixel=subpixel)
-        bent, normal = normalized(self.normals.at(surface)), surface.normal.copy(order="K")
-        rows = bent.any(axis=1)
-        normal[rows] = bent[rows]
-        return replace(surface, normal=normal)
+    def _measured(self, batch: Batch, surface: Surface, where: Floats) -> Surface:
+        """Return `surface` with what is measured; leave out where it is needed and not there."""
+        surface, missing = self.measurement.of(surface, where)
+        self._unmeasured(batch, surface, missing, EDGES)
+        return surface
+
+    def _unmeasured(self, batch: Batch, surface: Surface, rows: Ints, feature: str) -> None:
+        for index in np.unique(surface.material.take(rows)):
+            cause = Unsupported("material", self.scene.materials[index].name, feature)
+            self._exclude(batch, batch.hits[rows[surface.material.take(rows) == index]], cause)
 
     def _background(self, batch: Batch, rays: CameraRays, met: Bools, distance: Floats) -> Floats:
         """Return what is seen besides surfaces (samples, 3): the world, and lights that show."""

@@ -270,7 +270,7 @@ class Scene:
     luminance_weights : of the working space.
     transparent_max_bounces : surfaces that light passes straight through, as Cycles counts them.
     measured : (slots, k height, k width, 3) what Blender's nodes give at the middle of each k-th of
-        a pixel, row 0 at the top; None where no material needs it. Rays then go through these.
+        a pixel, row 0 at the top; None where no material needs it.
     """
 
     file: str

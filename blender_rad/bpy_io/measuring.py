@@ -3,7 +3,7 @@
 
 In a copy of the scene each socket that is asked for feeds an AOV named by its slot, and Cycles
 renders one sample a pixel at k times the resolution through a filter of next to no width: what it
-writes are the values at the middle of each k-th of a pixel, where our camera rays then go.
+writes are the values at the middle of each k-th of a pixel, for the camera rays that pass there.
 Geometry and surfaces are Blender's, all light is ours.
 """
 

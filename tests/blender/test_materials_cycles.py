@@ -163,6 +163,13 @@ def brushed(tree: Any) -> Any:
     return made
 
 
+def cut() -> None:
+    """A border that leaves a sliver of the ball in a dark tile."""
+    scene(linked(PRINCIPLED, Normal=bumped))
+    render = bpy.context.scene.render
+    render.use_border, render.border_max_x, render.border_max_y = True, 0.9, 0.8
+
+
 def bare() -> None:
     """Empty slots."""
     stage()
@@ -188,6 +195,7 @@ SCENES: dict[str, Callable[[], object]] = {
     "glow under a coat": lambda: scene(coated_glow, alone=True),
     "brushed": lambda: scene(brushed),
     "empty slots": bare,
+    "border": cut,
 }
 QUICK = ("colour", "bump", "leaves")
 
