@@ -26,7 +26,9 @@ def texture(pixels: Any) -> Any:
 
     types: Any = gpu.types
     height, width = pixels.shape[:2]
-    data = types.Buffer('FLOAT', pixels.size, pixels[::-1].astype(np.float32).ravel())
+    data = types.Buffer(
+        'FLOAT', pixels.size, np.ascontiguousarray(pixels[::-1], np.float32).ravel()
+    )
     return types.GPUTexture((width, height), format='RGBA16F', data=data)
 
 
@@ -39,7 +41,13 @@ def draw_radiance(engine: Any, viewport: Viewport, bl_scene: Any, size: tuple[in
     film = viewport.film
     if film is None:
         return
-    picture = _kept(viewport, None, lambda: np.dstack([film.radiance, film.alpha]))
+
+    def pixels() -> Any:
+        rgba = np.empty((*film.alpha.shape, 4), dtype=np.float32)
+        rgba[..., :3], rgba[..., 3] = film.radiance, film.alpha
+        return rgba
+
+    picture, _ = _kept(viewport, None, lambda: (pixels(), None))
     gpu.state.blend_set('ALPHA_PREMULT')
     engine.bind_display_space_shader(bl_scene)
     draw_texture_2d(picture, (0, 0), *size)
@@ -52,8 +60,9 @@ def draw_quantity() -> None:
     context: Any = bpy.context
     own = context.scene.radiometric
     viewport = VIEWPORTS.get(context.region.as_pointer())
+    film = viewport and viewport.film
     shading = context.space_data.shading.type
-    if own.view == 'radiance' or shading != 'RENDERED' or viewport is None or not viewport.film:
+    if own.view == 'radiance' or shading != 'RENDERED' or not (viewport and film):
         return
     import gpu
     import numpy as np
@@ -63,27 +72,30 @@ def draw_quantity() -> None:
     from ..blender_rad.photometry.falsecolor import value_range
     from ..blender_rad.quantities import QUANTITIES
 
-    values = quantity(viewport.film, own.view, viewport.scene, own.efficacy)
-    try:
+    def pixels() -> tuple[Any, tuple[float, float]]:
+        values = quantity(film, own.view, viewport.scene, own.efficacy)
         limits = value_range(values, own.scale, own.low or None, own.high or None)
+        place = _place(values, own.scale, limits)
+        return np.where(np.isnan(place)[..., None], 0.25, _colours()[_index(place)]), limits
+
+    try:
+        key = (own.view, own.scale, own.efficacy, own.low, own.high)
+        picture, limits = _kept(viewport, key, pixels)
     except RadError:  # the ends of the legend have crossed
         return
-
-    def pixels() -> Any:
-        place = _place(values, own.scale, limits)
-        return np.where(np.isnan(place)[..., None], 0.25, _colours()[_index(place)])
-
-    picture = _kept(viewport, (own.view, own.scale, own.efficacy, limits), pixels)
     gpu.state.blend_set('NONE')
     draw_texture_2d(picture, (0, 0), context.region.width, context.region.height)
     _draw_legend(own.scale, limits, QUANTITIES[own.view].unit)
 
 
-def _kept(viewport: Viewport, key: object, pixels: Callable[[], Any]) -> Any:
-    """Return the texture of the newest picture, made anew only where there is a newer one."""
+def _kept(
+    viewport: Viewport, key: object, pixels: Callable[[], tuple[Any, Any]]
+) -> tuple[Any, Any]:
+    """Return the newest picture's texture and legend, made anew only where there is a newer one."""
     film, drawn, _ = viewport.texture
     if film is not viewport.film or drawn != key:
-        viewport.texture = (viewport.film, key, texture(pixels()))
+        image, limits = pixels()
+        viewport.texture = (viewport.film, key, (texture(image), limits))
     return viewport.texture[2]
 
 

@@ -59,17 +59,17 @@ class RadiometricEngine(bpy.types.RenderEngine):
         drawing.VIEWPORTS[region.as_pointer()] = viewport
         each = int(self.get_preview_pixel_size(bl_scene))
         view = context.region_data
+        through = view.view_perspective == 'CAMERA' and bl_scene.camera
         viewport.look(
-            region_camera(view.view_matrix, view.window_matrix),
+            region_camera(view.view_matrix, view.window_matrix, through or None),
             (-(-region.width // each), -(-region.height // each)),
             bl_scene.radiometric.error,
         )
         if bl_scene.radiometric.view == 'radiance':
             drawing.draw_radiance(self, viewport, bl_scene, (region.width, region.height))
         if viewport.film:
-            error = 100 * viewport.film.relative_standard_error
             said = "" if viewport.refining else ", done"
-            self.update_stats("Radiometric", f"error {error:.2g} %{said}")
+            self.update_stats("Radiometric", f"error {100 * viewport.error:.2g} %{said}")
 
 
 def _redraw(engine: Any) -> Callable[[], None]:

@@ -30,12 +30,14 @@ class Viewport:
     Attributes
     ----------
     film : the newest picture, made by the thread and taken by whoever draws; None before any.
+    error : its relative standard error.
     refining : whether there are better ones to come.
     texture : of which film, drawn how, and the texture itself.
     """
 
     def __init__(self, redraw: Callable[[], None]) -> None:
         self.film: Film | None = None
+        self.error = 0.0
         self.scene: Scene | None = None
         self.refining = False
         self.texture: tuple[object, object, Any] = (None, None, None)
@@ -53,7 +55,8 @@ class Viewport:
 
     def look(self, camera: Camera, size: tuple[int, int], error: float) -> None:
         """Begin to render this view, unless it is the one that is rendered already."""
-        seen = (camera.world_from_camera.tobytes(), camera.plane, camera.clip, size, error)
+        seen = (camera.world_from_camera.tobytes(), camera.plane, camera.clip, camera.aperture)
+        seen = (*seen, size, error)
         if self.scene is None or seen == self._seen:
             return
         self.stop()
@@ -102,12 +105,12 @@ class Viewport:
             self._show(render(light.scene, settings, light=light, cancel=cancel, arrived=arrived))
 
     def _show(self, film: Film) -> None:
-        self.film = film
+        self.film, self.error = film, film.relative_standard_error
         self._redraw()
 
 
-def region_camera(view: Any, window: Any) -> Camera:
-    """Return the camera of a 3D view.
+def region_camera(view: Any, window: Any, bl_camera: Any = None) -> Camera:
+    """Return the camera of a 3D view, with the lens of the camera that it looks through if any.
 
     Parameters
     ----------
@@ -118,6 +121,7 @@ def region_camera(view: Any, window: Any) -> Camera:
     """
     import numpy as np
 
+    from ..blender_rad.bpy_io.cameras import lens_of
     from ..blender_rad.scene import Camera
 
     w = np.array(window, dtype=np.float64)
@@ -130,4 +134,6 @@ def region_camera(view: Any, window: Any) -> Camera:
     ends = [(side + middle[k]) / w[k, k] for k in (0, 1) for side in (-1.0, 1.0)]
     plane = (float(ends[0]), float(ends[1]), float(ends[2]), float(ends[3]))
     world = np.linalg.inv(np.array(view, dtype=np.float64))
-    return Camera("viewport", kind, world, plane, (float(clip[0]), float(clip[1])))
+    aperture = lens_of(bl_camera.data, world) if bl_camera else None
+    ends = (float(clip[0]), float(clip[1]))
+    return Camera("viewport", kind, world, plane, ends, aperture=aperture)

@@ -86,7 +86,7 @@ def read_camera(bl_object: Any, render: Any, resolution: tuple[int, int]) -> Cam
         (camera.clip_start, camera.clip_end),
         tuple(Unsupported("camera", name, feature) for feature in features),
         lens,
-        _aperture(camera, world),
+        lens_of(camera, world),
     )
 
 
@@ -113,7 +113,7 @@ def _panorama(camera: Any, kind: str, sensor: tuple[float, float]) -> tuple[floa
     return ()
 
 
-def _aperture(camera: Any, world: Floats) -> Aperture | None:
+def lens_of(camera: Any, world: Floats) -> Aperture | None:
     """Return the lens of a camera that stands at `world` (4, 4).
 
     Cycles takes the focal length as mm of which 1000 are a Blender unit, and an orthographic

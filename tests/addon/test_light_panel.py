@@ -295,9 +295,13 @@ def test_meters_read_and_lights_are_solved_in_one_step(addon: Any, make: Make) -
     with pytest.raises(RuntimeError, match="nothing to solve for"):
         bpy.ops.radiometric.solve()
     meter.radiometric_meter.target = 250.0
-    assert bpy.ops.radiometric.solve() == {'FINISHED'}
+    name = light.name
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.radiometric.solve('EXEC_DEFAULT', True) == {'FINISHED'}
     assert light.radiometry.value == pytest.approx(1000.0, rel=1e-4)
     assert metering.met(meter) is True
+    bpy.ops.ed.undo()
+    assert bpy.data.lights[name].radiometry.value == pytest.approx(400.0, rel=1e-4)
 
 
 LUMINAIRE = """IESNA:LM-63-2002
