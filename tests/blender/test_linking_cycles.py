@@ -10,10 +10,14 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.meters import LuxMeter
+
 from .agreement import both_sides, lamp
-from .reading import CUBE, SQUARE, add, polygons
+from .reading import CUBE, SQUARE, add, material, polygons
 from .test_features_cycles import SIZE, agrees, glowing, stage
 
 pytestmark = pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Light linking")
@@ -71,6 +75,16 @@ def glows() -> None:
     linked(panel, "blocker", box, include=False)
 
 
+def glossy() -> None:
+    """Links of what closures reflect, however it is sampled."""
+    floor, box, other = boxes()
+    for each in (floor, box, other):
+        each.data.materials[0] = material("Coat", "ShaderNodeBsdfGlossy", Roughness=0.3)
+    light = key('AREA')
+    linked(light, "receiver", box, include=False)
+    linked(light, "blocker", other, include=False)
+
+
 def instanced() -> None:
     """Instances are linked as what instances them, where that is named; lights by their own."""
     _, box, other = boxes()
@@ -97,8 +111,17 @@ CASES = {
     "receivers-and-blockers": both_kinds,
     "emitting-mesh": glows,
     "instances": instanced,
+    "glossy": glossy,
 }
 QUICK = ("receivers-included", "blockers-excluded", "emitting-mesh", "instances")
+
+
+def test_meters_have_the_lights_that_light_what_is_not_named() -> None:
+    one("receiver", 'POINT', True)()
+    meter = LuxMeter(read_scene(bpy.context.scene), efficacy=1.0)
+    readings = meter.read(np.array([[-1.5, -1.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
+    found = dict(zip(meter.names, readings.lights[0], strict=True))
+    assert found["Point"] > 0.0 and found["Point.001"] == 0.0
 
 
 @SLOW

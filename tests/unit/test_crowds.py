@@ -17,7 +17,7 @@ from blender_rad.lights.point import PointLight
 from blender_rad.lights.spot import SpotLight
 from blender_rad.lights.sun import SunLight
 from blender_rad.rendering import Settings, render
-from blender_rad.scene import Instance, Scene
+from blender_rad.scene import Instance, Linking, Scene
 from tests.handmade import GREY, ball, moved, scene, square
 
 KINDS = (PointLight, SpotLight, AreaLight)
@@ -66,7 +66,10 @@ def test_what_is_chosen_adds_up_to_all() -> None:
 
 
 def test_layers_are_those_of_the_lights(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, settings = hall(60), Settings(samples=64)
+    """Some of the lights are linked: to the floor, which alone shadows them."""
+    settings, floor = Settings(samples=64), np.array([True, False, False])
+    linked = {f"light {k}": Linking(floor, floor) for k in range(0, 60, 3)}
+    made = replace(hall(60), linking=linked)
     gathered = render(made, settings)
     monkeypatch.setattr(crowds, "FEW", 1000)
     alone = render(made, settings)
