@@ -14,6 +14,7 @@ from ._diffuse import Diffuse
 @BSDFS.register("ShaderNodeBsdfDiffuse")
 def diffuse(inputs: Inputs) -> Sequence[Lobe]:
     """Return the lobe of a Diffuse BSDF."""
-    colour, rough = inputs.colour("Color"), np.clip(inputs.number("Roughness"), 0.0, 1.0)
-    frame, tint = Frame.around(inputs.normal), np.clip(colour, 0.0, 1.0)
+    colour = np.maximum(inputs.colour("Color"), 0.0)
+    rough, tint = np.clip(inputs.number("Roughness"), 0.0, 1.0), np.minimum(colour, 1.0)
+    frame = Frame.around(inputs.normal)
     return [Diffuse(inputs.weight * colour, frame, inputs.wo, rough, tint)]

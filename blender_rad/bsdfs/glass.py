@@ -43,7 +43,7 @@ def glass(inputs: Inputs) -> Sequence[Lobe]:
 def refraction(inputs: Inputs) -> Sequence[Lobe]:
     """Return the lobe of a Refraction BSDF, which loses nothing by reflection."""
     alpha = np.clip(inputs.number("Roughness") ** 2, 0.0, 1.0)
-    frame, weight = Frame.around(inputs.glossy()), inputs.weight * inputs.colour("Color")
-    shape = weight, frame, frame.local(inputs.wo), alpha, alpha, None
+    frame, weight = Frame.around(inputs.glossy()), np.maximum(inputs.colour("Color"), 0.0)
+    shape = inputs.weight * weight, frame, frame.local(inputs.wo), alpha, alpha, None
     beckmann = inputs.settings["distribution"] == 'BECKMANN'
     return [Refraction(*shape, beckmann, ior=relative_index(inputs))]

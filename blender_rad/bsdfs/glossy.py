@@ -17,7 +17,7 @@ from ._microfacet import SPIKE, WIDTH, Microfacet, turned, unit
 def glossy(inputs: Inputs) -> Sequence[Lobe]:
     """Return the lobe of a Glossy BSDF; without a tangent it is round."""
     normal, tangent, kind = inputs.glossy(), inputs.tangent, inputs.settings["distribution"]
-    colour = inputs.colour("Color")
+    colour = np.maximum(inputs.colour("Color"), 0.0)
     alpha = np.clip(inputs.number("Roughness"), 0.0, 1.0) ** 2
     aspect = np.ones(len(alpha))
     if tangent is not None:
@@ -29,7 +29,7 @@ def glossy(inputs: Inputs) -> Sequence[Lobe]:
     weight = inputs.weight * colour
     if kind == 'MULTI_GGX':
         cosine, round_ = dot(inputs.wo, normal), np.sqrt(alpha_x * alpha_y)
-        factor, dark = compensation(cosine, round_, np.maximum(colour, 0.0))
+        factor, dark = compensation(cosine, round_, colour)
         weight = weight * factor * dark
     frame = Frame.around(normal, tangent)
     shape = weight, frame, frame.local(inputs.wo), alpha_x, alpha_y

@@ -17,7 +17,8 @@ from ._sheen import Sheen
 @BSDFS.register("ShaderNodeBsdfSheen")
 def sheen(inputs: Inputs) -> Sequence[Lobe]:
     """Return the lobe of a Sheen BSDF."""
-    weight, rough = inputs.weight * inputs.colour("Color"), inputs.number("Roughness")
+    weight = inputs.weight * np.maximum(inputs.colour("Color"), 0.0)
+    rough = inputs.number("Roughness")
     if inputs.settings["distribution"] == 'MICROFIBER':
         return [Sheen.of(weight, inputs.normal, inputs.wo, rough)]
     frame = Frame.around(inputs.normal)

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
-import OpenEXR
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from blender_rad.bpy_io.quiet import quiet_stdout
+from blender_rad.bpy_io.witness import CyclesWitness
 from blender_rad.bsdfs import Inputs, lobes
 
-from .reading import add, empty_scene, light, material, node, polygons
+from .reading import add, camera, empty_scene, light, material, node, polygons
 
 Array = NDArray[np.float64]
 HALF = 0.05  # of a quad's side, in pixels
@@ -88,7 +86,7 @@ def around(middle: Array, spread: float, count: int, rng: np.random.Generator) -
     ])  # fmt: skip
 
 
-def shot(closures: Sequence[Closure], frames: Sequence[Array], wi: Array, folder: Path) -> Array:
+def shot(closures: Sequence[Closure], frames: Sequence[Array], wi: Array) -> Array:
     """Return what Cycles shows of closures at quads of frames, (closures, quads, 3)."""
     scene = empty_scene()
     rows, columns = len(closures), len(frames[0])
@@ -100,19 +98,9 @@ def shot(closures: Sequence[Closure], frames: Sequence[Array], wi: Array, folder
             place = Matrix.Translation((column + 0.5, rows - row - 0.5, 0.0))
             add("Quad", mesh, matrix_world=place @ Matrix(rotation.tolist()).to_4x4())
     sun = light('SUN', angle=0.0, energy=1.0, use_shadow=False)
-    sun.rotation_euler = Vector(-wi).to_track_quat('-Z', 'Y').to_euler()
-    view = bpy.data.cameras.new("Camera")
-    view.type, view.ortho_scale = 'ORTHO', float(max(rows, columns))
-    scene.camera = add("Camera", view, location=(columns / 2, rows / 2, 10.0))
-    cycles, render = scene.cycles, scene.render
-    render.engine, render.resolution_x, render.resolution_y = 'CYCLES', columns, rows
-    cycles.samples, cycles.max_bounces, cycles.use_denoising = 1, 0, False
-    cycles.pixel_filter_type, cycles.filter_width = 'BOX', 0.01
-    cycles.use_adaptive_sampling, cycles.light_sampling_threshold = False, 0.0
-    render.threads_mode, render.threads = 'FIXED', 1
-    render.image_settings.file_format, render.image_settings.color_depth = 'OPEN_EXR', '32'
-    render.filepath = str(folder / "shot.exr")
-    with quiet_stdout():
-        bpy.ops.render.render(write_still=True)
-    with OpenEXR.File(render.filepath) as file:
-        return np.asarray(file.channels()["RGBA"].pixels[..., :3], np.float64)
+    sun.rotation_euler = Vector(wi).to_track_quat('Z', 'Y').to_euler()
+    eye = camera(type='ORTHO', ortho_scale=max(rows, columns))
+    eye.location, eye.rotation_euler = (columns / 2, rows / 2, 10.0), (0.0, 0.0, 0.0)
+    witness = CyclesWitness(scene, resolution=(columns, rows), threads=1)
+    witness.prepare()
+    return witness.render(1, 1)[..., :3].astype(float)

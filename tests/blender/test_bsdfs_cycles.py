@@ -64,14 +64,14 @@ Sides = list[tuple[np.ndarray, np.ndarray]]
 
 
 @pytest.fixture(scope="module")
-def sides(tmp_path_factory: pytest.TempPathFactory) -> list[Sides]:
+def sides() -> list[Sides]:
     """Return by closure, by light, our values (quads, 3) and Cycles'."""
-    rng, folder = np.random.default_rng(5), tmp_path_factory.mktemp("shots")
+    rng = np.random.default_rng(5)
     found: list[Sides] = [[] for _ in CLOSURES]
     for direction in LIGHTS:
         wi = np.array(direction) / np.linalg.norm(direction)
         frames = [closure.frames(wi, QUADS, rng) for _, closure in CLOSURES]
-        picture = shot([closure for _, closure in CLOSURES], frames, wi, folder)
+        picture = shot([closure for _, closure in CLOSURES], frames, wi)
         for pair, (_, closure), quads, row in zip(found, CLOSURES, frames, picture, strict=True):
             pair.append((closure.ours(quads[:, :, 2], wi), row))
     return found
