@@ -36,7 +36,7 @@ from .textures import SOURCES, Context, Expression
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ANGLES_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 85.0, 89.0)
+ANGLES_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 85.0, 89.0, 89.9)
 PLACES = 64  # points on the surfaces of a material that varies
 IN_VIEW = 20_000  # rays that look for points of materials that are known in view alone
 DIRECTIONS, ALONE = 64, 512  # ω_r of each place and angle, and of one that stands for all

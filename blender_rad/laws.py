@@ -38,6 +38,7 @@ KNOWN = {
     "ShaderNodeBsdfGlass": f"{LOST}; {BACKS}",
     "ShaderNodeBsdfRefraction": BACKS,
 }
+FLAWED = {"PHONG": "the highlight divides by the light's cosine alone"}
 LOSING = {"GGX", "BECKMANN", "ASHIKHMIN_SHIRLEY"}  # distributions that give nothing back
 BY_VIEW = {"ShaderNodeFresnel", "ShaderNodeLayerWeight"}
 DIFFUSE = {"ShaderNodeBsdfDiffuse": "Color", "ShaderNodeBsdfTranslucent": "Color"}
@@ -119,6 +120,7 @@ class Subject:
     def _broken(self, found: Response, most: float, where: str, colours: str) -> Iterator[Finding]:
         """Yield a finding for each law that is broken: where, by how much, and why if known."""
         name, reasons = self.material.name, self._reasons
+        flaw = "; ".join(FLAWED[c.kind] for c in self.material.closures if c.kind in FLAWED)
         least = found.least.min(axis=2)
         if least.min() < 0.0:
             said = f"f is {least.min():.3g} sr⁻¹ {self._where(*_place(-least))}: less than no light"
@@ -132,13 +134,13 @@ class Subject:
                     f", and {seen:.4g} of white surroundings is seen {self._where(point, angle)}"
                 )
             ours = outshone or not reasons
-            why = colours or ("nothing shares it out" if ours else f"by construction, {reasons}")
+            why = colours or flaw or ("nothing shares it out" if ours else reasons)
             severity = "error" if ours else "info"
             yield Finding("gains-energy", severity, name, f"{said}: {why}", 100.0 * (most - 1.0))
         worst = found.asymmetry.max(axis=2)
         if worst.max() >= ASYMMETRY:
             said = f"to and fro differ by {100.0 * worst.max():.3g} % {self._where(*_place(worst))}"
-            said += f": by construction, {reasons}" if reasons else ""
+            said += f": {flaw or reasons}" if flaw or reasons else ""
             yield Finding("not-reciprocal", "info" if reasons else "error", name, said)
 
     def _greatest(self, found: Response, name: str, angles: int) -> tuple[float, int, int]:
@@ -157,7 +159,7 @@ class Subject:
 
     def _where(self, point: int, angle: int) -> str:
         """Return a point and an angle in words."""
-        told = f"at {ANGLES_DEG[angle]:.0f}°"
+        told = f"at {ANGLES_DEG[angle]:g}°"
         if len(self.spots.hits.instance) == 1:
             return told
         spot = self.spots.take(np.array([point]))
@@ -177,7 +179,7 @@ class Subject:
             reasons["Fresnel and Layer Weight nodes know the viewer's angle alone"] = None
         if material.normal or any(closure.normal for closure in material.closures):
             reasons["bent normals weigh the light's angle, not the viewer's"] = None
-        return "; ".join(reasons)
+        return "by construction, " + "; ".join(reasons) if reasons else ""
 
     def _too_bright(self, point: int) -> str:
         """Return which colours are above 1 at a point, in words."""

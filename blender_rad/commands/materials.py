@@ -55,6 +55,6 @@ def _text(judged: list[Judged]) -> str:
         laws = (each.positive, each.reciprocal, each.energy_conserving)
         kept = ["–" if law is None else "yes" if law else "NO" for law in laws]
         most = "–" if each.max_albedo is None else f"{each.max_albedo:.4g}"
-        angle = f"{each.max_albedo_angle_deg:.0f}°" if each.supported else "–"
+        angle = f"{each.max_albedo_angle_deg:g}°" if each.supported else "–"
         rows.append([each.name, *kept, most, angle])
     return "\n".join([*aligned(rows), *(str(f) for each in judged for f in each.findings)])

@@ -67,7 +67,7 @@ def _panel(axes: Axes, beside: Axes, judged: Judged) -> None:
     axes.set_ylabel("albedo", fontsize=8)
     axes.tick_params(labelsize=8)
     name = judged.name if len(judged.name) <= 24 else f"{judged.name[:23]}…"
-    most = f"{judged.max_albedo:.3g} at {judged.max_albedo_angle_deg:.0f}°"
+    most = f"{judged.max_albedo:.3g} at {judged.max_albedo_angle_deg:g}°"
     axes.set_title(f"{name}: up to {most}".replace("$", r"\$"), fontsize=9)
     beside.imshow(_ball(angles, furnace), interpolation="nearest")
     beside.set(xticks=[], yticks=[])
