@@ -12,7 +12,9 @@ import pytest
 pytestmark = pytest.mark.blender
 pytest.importorskip("bpy")
 
+from .agreement import both_sides, lamp, look_at  # noqa: E402
 from .facets import Closure, shot  # noqa: E402
+from .reading import SQUARE, add, empty_scene, polygons, world  # noqa: E402
 
 POINTWISE = 2e-3
 ENERGY = 3e-4  # tables of lost energy are good to 2e-4, both sides'
@@ -89,3 +91,28 @@ def test_a_closure_is_that_of_cycles(name: str, sides: list[Sides]) -> None:
         worst = np.max(np.abs(ours - theirs) / np.maximum(bright, 0.01 * bright.max()))
         energy = ours.sum() / theirs.sum() - 1.0
         assert worst < POINTWISE and abs(energy) < ENERGY, (worst, energy, closure)
+
+
+PANES = {
+    "mirror": Closure("ShaderNodeBsdfAnisotropic", {"Roughness": 0.0}, {"distribution": 'GGX'}),
+    "clear glass": Closure("ShaderNodeBsdfGlass", {"Roughness": 0.0}),
+    "rough glass in a world": Closure("ShaderNodeBsdfGlass", {"Roughness": 1.0}),
+}
+
+
+@pytest.mark.feature("a pane's direct light by two samples, of the lamp and of the closure")
+@pytest.mark.parametrize("name", PANES)
+def test_panes_show_what_emits(name: str) -> None:
+    empty_scene()
+    pane = polygons("Pane", *SQUARE)
+    pane.materials[0] = PANES[name].material()
+    add("Pane", pane, scale=(2, 2, 1))
+    look_at((0, 0, 0), (0.5, 1, 5), lens=60)
+    if "world" in name:
+        world(Color=(0.4, 0.6, 1.0, 1.0))
+    else:
+        place = (0.3, -0.8, 4.0 if name == "mirror" else -4.0)
+        lamp('AREA', place, (0, 0, 0), size=1.5, shape='DISK')
+    off, error = both_sides((24, 24), seeds=4, samples=64).energy()
+    assert error < 5e-3, "the test means something"
+    assert abs(off) < 1e-3 + 3.0 * error
