@@ -24,13 +24,13 @@ def scene_of(depsgraph: Any, shading: Any = 'full') -> Scene:
     model = bl_scene.radiometric.model
     layer = depsgraph.view_layer.name
     key = (bl_scene.session_uid, layer, shading, model, unit_scale(bl_scene))
-    scene, names = _kept.pop(key, (None, None))
+    before, names = _kept.pop(key, (None, None))
+    scene = None if names is None else before
     if scene and names:
         scene = follow(scene, depsgraph, names)
-    elif names is None:
-        scene = None
     if scene is None:
-        scene = read_depsgraph(depsgraph, shading=shading, model=model, live=True)
+        maps = before.world.maps if before else ()
+        scene = read_depsgraph(depsgraph, shading=shading, model=model, maps=maps, live=True)
     _kept[key] = (scene, set())
     while len(_kept) > MOST:
         del _kept[next(iter(_kept))]
@@ -40,6 +40,8 @@ def scene_of(depsgraph: Any, shading: Any = 'full') -> Scene:
 @bpy.app.handlers.persistent
 def _changed(bl_scene: Any, depsgraph: Any) -> None:
     """Note what has changed of the scenes that are kept."""
+    if any(isinstance(u.id, bpy.types.World | bpy.types.Image) for u in depsgraph.updates):
+        _forget()
     mine = [key for key in _kept if key[0] == bl_scene.session_uid]
     if not mine:
         return

@@ -7,6 +7,7 @@ Usage: _render_and_check.py ZIP SCENE.blend FOLDER, with BLENDER_USER_RESOURCES 
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 
@@ -24,6 +25,28 @@ def render(name: str, folder: Path, **settings: object) -> None:
         setattr(bpy.context.scene.render, key, value)
     bpy.context.scene.render.filepath = str(folder / f"{name}.exr")
     bpy.ops.render.render(write_still=True)
+
+
+def cancelled_render() -> list[str]:
+    """Render with an engine that is asked to stop as it begins; return what it was told."""
+    final = sys.modules[f"{MODULE}.addon.final"]
+    told, empty = [], SimpleNamespace(layers=[SimpleNamespace(passes=[])])
+
+    class Engine:
+        def __getattr__(self, name: str) -> object:
+            told.append(name)
+            return lambda *_, **__: empty if name == "begin_result" else name == "test_break"
+
+    session = sys.modules[f"{MODULE}.blender_rad.bpy_io.session"]
+    layer = bpy.context.view_layer.name
+    session.in_render(bpy.context.scene, layer, lambda graph: final.render(Engine(), graph))
+    return told
+
+
+def cancelled_check() -> str:
+    check = sys.modules[f"{MODULE}.addon.checking"].Check(bpy.context.scene)
+    check.cancel()
+    return check.error
 
 
 def main(zip_path: str, scene: str, out: str) -> None:
@@ -50,6 +73,15 @@ def main(zip_path: str, scene: str, out: str) -> None:
     render("border", folder, use_border=True, **border)
     render("cropped", folder, use_crop_to_border=True)
     bl_scene.render.use_border = False
+    group = bpy.data.lights[0].radiometry
+    group.unit = "lm"
+    for frame, value in ((1, 100.0), (2, 300.0)):
+        group.value = value
+        group.keyframe_insert("value", frame=frame)
+    bl_scene.frame_start, bl_scene.frame_end = 1, 2
+    bl_scene.render.filepath = str(folder / "frame#.exr")
+    bpy.ops.render.render(animation=True)
+    bl_scene.frame_set(1)
     false_colour = bpy.ops.radiometric.false_colour(quantity='illuminance')
     own.tolerance = 0.2
     checked = bpy.ops.radiometric.check()
@@ -61,6 +93,8 @@ def main(zip_path: str, scene: str, out: str) -> None:
         "images": {i.name: i.size[:] for i in bpy.data.images if i.packed_file},
         "verdict": check.document["verdict"],
         "format": form.file_format,
+        "cancelled_render": cancelled_render(),
+        "cancelled_check": cancelled_check(),
     }
     addon_utils.disable(MODULE, default_set=True)
     story["closed"] = {name: engines().get(name) for name in panels} == panels

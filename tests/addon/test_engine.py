@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -19,6 +21,26 @@ SIZE = (48, 32)  # pixels
 AT = (slice(0, 16), slice(12, 36))  # of the border: the upper half's middle, row 0 at the top
 
 
+def image_sky(turn: tuple[float, float, float], world: Any) -> None:
+    """Light the scene by a small environment image."""
+    import bpy
+
+    bpy.context.scene.world, pixels = world, np.ones((16, 32, 4), np.float32)
+    pixels[..., :3] = np.random.default_rng(1).uniform(0.1, 0.5, (16, 32, 3))
+    image = bpy.data.images.new("Sky", 32, 16, float_buffer=True)
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    if bpy.app.version < (5, 0):
+        world.use_nodes = True
+    tree = world.node_tree
+    names = ("TexCoord", "Mapping", "TexEnvironment")
+    place, mapping, texture = (tree.nodes.new(f"ShaderNode{name}") for name in names)
+    texture.image, mapping.inputs["Rotation"].default_value = image, turn
+    tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], texture.inputs["Vector"])
+    tree.links.new(texture.outputs[0], tree.nodes["Background"].inputs["Color"])
+
+
 @pytest.fixture(scope="module")
 def done(zip_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder with what the installed extension made of a scene."""
@@ -30,6 +52,7 @@ def done(zip_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     bpy.ops.mesh.primitive_plane_add(size=20)
     bpy.ops.object.light_add(type='POINT', location=(0, 0, 2))
     bpy.context.object.data.shadow_soft_size = 0.0
+    image_sky((0.4, -0.3, 2.0), bpy.data.worlds.new("Sky"))
     bpy.ops.object.camera_add(location=(0, 0, 5))
     scene.camera = bpy.context.object
     scene.render.resolution_x, scene.render.resolution_y = SIZE
@@ -66,6 +89,19 @@ def test_f12_gives_the_numbers_of_the_verb(done: Path) -> None:
     assert f12["Illuminance.V"].max() > 0
 
 
+def test_keyed_lumens_are_rendered_frame_by_frame(done: Path) -> None:
+    first, second = (channels(done / f"frame{k}.exr")["Light.Point.R"] for k in (1, 2))
+    np.testing.assert_allclose(second, 3.0 * first, rtol=1e-5)
+    assert first.max() > 0
+
+
+def test_a_render_and_a_check_can_be_cancelled(story: dict[str, Any]) -> None:
+    told = story["cancelled_render"]
+    assert "test_break" in told and "error_set" not in told
+    assert told[-1] == "end_result", "what is there is kept, nothing else is said"
+    assert story["cancelled_check"] == "cancelled"
+
+
 def test_a_border_renders_its_part_and_nothing_else(done: Path) -> None:
     whole, border, cropped = (
         channels(done / f"{name}.exr")["Illuminance.V"] for name in ("whole", "border", "cropped")
@@ -90,3 +126,31 @@ def test_the_check_comes_to_a_verdict_and_shows_where(story: dict[str, object]) 
     assert story["format"] == "OPEN_EXR_MULTILAYER", "false colours put the file format back"
     names = set(story["images"])
     assert "Illuminance [lx]" in names and any(name.startswith("Cycles") for name in names)
+
+
+@pytest.mark.parametrize("kind", ['PERSP', 'ORTHO'])
+def test_a_viewport_in_a_camera_sees_what_the_camera_sees(addon: Any, kind: str) -> None:
+    import importlib
+
+    import bpy
+
+    from blender_rad.bpy_io.cameras import read_camera
+
+    bpy.ops.object.camera_add(location=(1, -4, 2), rotation=(1.1, 0.2, 0.3))
+    camera, render = bpy.context.object, bpy.context.scene.render
+    data, size = camera.data, (90, 60)
+    data.type, data.lens, data.shift_x, data.ortho_scale = kind, 28.0, 0.1, 3.0
+    data.dof.use_dof, data.dof.aperture_fstop, data.dof.focus_distance = True, 1.4, 3.0
+    bpy.context.view_layer.update()
+    window = camera.calc_matrix_camera(
+        bpy.context.evaluated_depsgraph_get(), x=size[0], y=size[1], scale_x=1, scale_y=1
+    )
+    engine = importlib.import_module(f"{addon.__name__}.viewport")
+    view = camera.matrix_world.normalized().inverted()
+    found, expected = engine.region_camera(view, window), read_camera(camera, render, size)
+    assert found.kind == expected.kind
+    np.testing.assert_allclose(found.plane, expected.plane, atol=1e-5)
+    np.testing.assert_allclose(found.world_from_camera, expected.world_from_camera, atol=1e-5)
+    np.testing.assert_allclose(found.clip, expected.clip, rtol=1e-3)
+    lens = engine.region_camera(view, window, camera).aperture
+    assert asdict(lens) == asdict(expected.aperture)

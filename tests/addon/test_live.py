@@ -47,6 +47,11 @@ def dark(objects: Any) -> None:
     objects['AREA'].visible_diffuse = False
 
 
+def skied(objects: Any) -> None:
+    world = bpy.context.scene.world = bpy.data.worlds.new("World")
+    world.color = (0.1, 0.2, 0.3)
+
+
 def gone(objects: Any) -> None:
     objects.remove(objects['SPOT'])
     objects["Cube0"].hide_viewport = True
@@ -55,7 +60,7 @@ def gone(objects: Any) -> None:
 
 @pytest.mark.parametrize(
     ("change", "read_again"),
-    [(turned, False), (relit, False), (coloured, True), (dark, True), (gone, True)],
+    [(turned, False), (relit, False), (coloured, True), (dark, True), (gone, True), (skied, True)],
 )
 def test_it_is_followed(
     addon: Any, monkeypatch: pytest.MonkeyPatch, change: Any, read_again: bool
@@ -77,7 +82,7 @@ def test_it_is_followed(
     assert now is not before
     assert bool(calls) == read_again
     expected = plain(depsgraph, live=True)
-    for part in ("lights", "light_records", "instances", "materials", "unit_scale_m"):
+    for part in ("lights", "light_records", "instances", "materials", "world", "unit_scale_m"):
         ours, theirs = (pickle.dumps(pickle.loads(pickle.dumps(getattr(s, part))))
                         for s in (now, expected))  # fmt: skip
         assert ours == theirs, part
