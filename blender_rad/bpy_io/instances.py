@@ -229,7 +229,8 @@ class Reader:
             self._surfaces[key] = surface
             if surface.asked:
                 names = ", ".join(surface.asked)
-                message = f"{len(surface.asked)} sockets measured through Cycles: {names}"
+                count = len(surface.asked)
+                message = f"{count} socket{'s' * (count > 1)} measured through Cycles: {names}"
                 self.findings.append(Finding("measured", "info", surface.name, message))
             if self.shading == "clay" and surface.transmits:
                 message = "lets light pass; as clay it is opaque"

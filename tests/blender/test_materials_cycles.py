@@ -111,7 +111,9 @@ def grouped(tree: Any) -> Any:
         both.append(node(tree, "ShaderNodeGroup"))
         both[-1].node_tree = group
         both[-1].inputs[0].default_value = scale
-    return node(tree, "ShaderNodeMixShader", node(tree, "ShaderNodeValue"), *both)
+    half = node(tree, "ShaderNodeValue")
+    half.outputs[0].default_value = 0.5
+    return node(tree, "ShaderNodeMixShader", half, *both)
 
 
 def displaced(build: Callable[[], Any]) -> Callable[[], None]:
