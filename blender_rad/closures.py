@@ -210,35 +210,47 @@ class Scattering:
             value[rows], density[rows] = mixture.evaluate(wi[rows], reaches)
         return value, density
 
-    def lit(self, light: Light, sample: LightSample, *, alone: bool = False) -> Floats:
-        """Return what a `sample` of the light adds (n, 3) over `Light.rgb` and V.
+    def lit(self, sample: LightSample, reaches: Sequence[str], *, found: bool) -> Floats:
+        """Return what a `sample` of a light adds (n, 3) over `Light.rgb` and V.
 
-        `alone` says that nothing but samples of it is taken.
+        `found` says that samples of closures meet the light as well.
         """
-        value, density = self._evaluated(sample.wi, light.reaches)
+        value, density = self._evaluated(sample.wi, reaches)
         weight = sample.weight
-        if light.is_found and not alone:
+        if found:
             weight = weight * _trust(sample.pdf, density)
         value *= weight[:, None]
         return value if sample.tint is None else value * sample.tint
 
     def found(self, light: Light) -> tuple[LightSample, Floats] | None:
         """Return what the closures' samples meet of the light, and what this adds as in `lit`."""
-        if not light.is_found:
-            return None
-        surface, wi = self._surface, self._wi
-        side = np.copysign(surface.epsilon, dot(wi, surface.geometric_normal))
-        lift = surface.geometric_normal * side[:, None]
-        distance, radiance, pdf = light.look(surface.point + lift, surface.normal, wi)
+        return self.met(light.look(*self.gaze), light.reaches) if light.is_found else None
+
+    @property
+    def _lift(self) -> Floats:
+        """How far (n, 3) the samples' rays start from the points."""
+        normal, epsilon = self._surface.geometric_normal, self._surface.epsilon
+        return normal * np.copysign(epsilon, dot(self._wi, normal))[:, None]
+
+    @property
+    def gaze(self) -> tuple[Floats, Floats, Floats]:
+        """Where the samples start, the normals there, and whither they go, (n, 3) each."""
+        return self._surface.point + self._lift, self._surface.normal, self._wi
+
+    def met(
+        self, look: tuple[Floats, Floats, Floats], reaches: Sequence[str]
+    ) -> tuple[LightSample, Floats] | None:
+        """Return what `found` does of a light, given a `look` at it along `gaze`."""
+        wi, (distance, radiance, pdf) = self._wi, look
         radiance = radiance.reshape(len(wi), -1) * self._drawn[:, None]
         met = np.flatnonzero(radiance.any(axis=1))
         if not len(met):
             return None
-        value, density = self._evaluated(wi, light.reaches)
+        value, density = self._evaluated(wi, reaches)
         trust = np.divide(_trust(density, pdf), density, out=0.0 * density, where=density > 0.0)
         finite = met[np.isfinite(distance[met])]
         if len(finite):
-            way = pick(wi, finite) * distance[finite, None] + pick(lift, finite)
+            way = pick(wi, finite) * distance[finite, None] + pick(self._lift, finite)
             wi = wi.copy(order="K")
             distance[finite] = np.sqrt(dot(way, way))
             wi[finite] = way / distance[finite, None]

@@ -13,12 +13,16 @@ with chances that are about in proportion to p E̅; these stand for all the othe
 
 `PICKS` strata of that distribution give a light each; the mean of f V / q is free of bias whatever
 the tables say, since every light keeps a chance.
+
+Where closures are sampled too, the chance that weighs both is q over the box's mean of the sum that
+it is a share of: any function of point and light will do there, as long as both take the same. What
+a ray meets is found through boxes around the lights, each of which it leaves once.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -31,8 +35,13 @@ from .cameras import camera_rays
 from .emitters import Emitter
 from .film import REST
 from .lights import RAYS, Light, LightSample
+from .lights._textured import TexturedLight
+from .lights.area import AreaLight
+from .lights.mesh import MeshLight
+from .lights.point import PointLight
+from .rays import Caster
 from .sampling import Points
-from .scene import Camera, Scene
+from .scene import Camera, Instance, Mesh, Scene
 from .surfaces import Surface, dot, normalized, pick
 
 if TYPE_CHECKING:
@@ -56,6 +65,8 @@ GRAZING = 0.05  # least cosθ
 SIDE = 16  # directions in a table, squared
 FAR = 1e3  # of a light's size: from there its intensity is seen
 PLACE = ("position", "center")  # fields for where a light stands
+LOOSE = 1e-3  # of a light's size: how much wider its box is
+STEP = 1e-6  # of coordinates: where a ray goes on behind a box
 FIRST_DIMENSION = 1 << 12  # of random numbers, beyond those of single lights
 
 
@@ -115,6 +126,7 @@ class Crowd:
         self._intensity /= np.float32(unoccluded.mean() or 1.0)
         lights = [emitter.light for emitter in emitters]
         self._rgb = np.array([light.rgb for light in lights])
+        self._caster, self._boxed = _boxes_around(lights)
         self._kind_of, self._kinds, self._places = _alike(lights)
         self.batches = 4 if len(self._kinds) > MANY_KINDS else 1
         self.emitter = Emitter(replace(lights[0], rgb=np.ones(3)), layer)
@@ -130,13 +142,14 @@ class Crowd:
         flat = FLAT * (flat + mean + FLAT * sent.mean(axis=0)) + 1e-6
         self._near = np.argsort(-mean, axis=1, kind="stable")[:, :count]
         self._times = _shared_out(mean + flat, self._near)
+        self._total = (mean + flat).sum(axis=1)
         self._passing, self._flat = passing.astype(np.float32), flat.astype(np.float32)
         self._table = np.repeat(
             np.tile(np.arange(len(lights)), LEAVES), self._times.ravel()
         ).reshape(LEAVES, -1)
 
-    def pick(self, points: Floats, normals: Floats, u: Floats) -> tuple[Ints, Floats]:
-        """Return lights (PICKS, n) and the chances (PICKS, n) they had, from `u` (n, 2)."""
+    def pick(self, points: Floats, normals: Floats, u: Floats) -> tuple[Ints, Floats, Floats]:
+        """Return lights (PICKS, n), the chances (PICKS, n) they had, and about had, from `u`."""
         box = self._boxes.of(points)[:, None]
         near, others = self._near[box[:, 0]], min(OTHERS, self._table.shape[1])
         entry = ((np.arange(others) + u[:, 1:]) * (self._table.shape[1] / others)).astype(np.int64)
@@ -151,12 +164,51 @@ class Crowd:
         upto = np.cumsum(weight, axis=1)
         rows, total = np.arange(len(points)), upto[:, -1]
         chosen = np.empty((PICKS, len(points)), dtype=np.int64)
-        chance = np.empty((PICKS, len(points)))
+        chance, about = np.empty((2, PICKS, len(points)))
         for k in range(PICKS):
             column = (upto <= ((k + u[:, 0]) / PICKS * total)[:, None]).sum(axis=1)
             column = np.minimum(column, lights.shape[1] - 1)
             chosen[k], chance[k] = lights[rows, column], sent[rows, column] / total
-        return chosen, chance
+            about[k] = sent[rows, column] / self._total[box[:, 0]]
+        return chosen, chance, about
+
+    def looks(
+        self, points: Floats, normals: Floats, wi: Floats
+    ) -> Iterator[tuple[Floats, Floats, Floats]]:
+        """Yield `Light.look` along `wi` for each light that a ray may meet, with its `rgb`."""
+        rows, origins = np.arange(len(points)), points.copy(order="K")
+        while len(rows):
+            hits = self._caster.intersect(origins[rows], wi[rows])
+            met = np.flatnonzero(hits.triangle >= 0)
+            rows, hits = rows[met], hits.take(met)
+            step = hits.distance + STEP * (np.abs(origins[rows]).max(axis=1) + hits.distance)
+            origins[rows] += wi[rows] * step[:, None]
+            axis, side = np.divmod(hits.triangle % 12 // 2, 2)
+            leaves = (wi[rows, axis] > 0.0) == (side == 1)
+            if leaves.any():
+                lights = self._boxed[hits.triangle[leaves] // 12]
+                yield self._looked(points, normals, wi, rows[leaves], lights)
+
+    def _looked(
+        self, points: Floats, normals: Floats, wi: Floats, rows: Ints, lights: Ints
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return `Light.look` of n points, of which `rows` (k,) look at `lights` (k,)."""
+        distance, radiance = np.full(len(points), np.inf), np.zeros((len(points), 3))
+        pdf = np.zeros(len(points))
+        kind = self._kind_of.take(lights)
+        for number in np.unique(kind):
+            own, chosen = rows[kind == number], lights[kind == number]
+            one, place = self._kinds[number]
+            at = {place: self._places.take(chosen, axis=0)} if place else {}
+            found = replace(one, **at).look(points[own], normals[own], wi[own])
+            distance[own], shown, density = found
+            radiance[own] = shown.reshape(len(own), -1) * self._rgb.take(chosen, axis=0)
+            box = self._boxes.of(points[own])
+            singles = points[own].astype(np.float32), normals[own].astype(np.float32)
+            sent = self._sent(*singles, chosen[:, None])[:, 0]
+            sent = self._passing[box, chosen] * sent + self._flat[box, chosen]
+            pdf[own] = PICKS * density * sent / self._total[box]
+        return distance, radiance, pdf
 
     def _sent(self, points: Singles, normals: Singles, lights: Ints) -> Singles:
         """Return about what `lights` (n, k) send to n points."""
@@ -178,7 +230,9 @@ class Crowd:
         u, n = uniform(first), len(points)
         parts = [slice(start, start + CHUNK) for start in range(0, n, CHUNK)]
         picks = [self.pick(points[part], normals[part], u[part]) for part in parts]
-        chosen, chance = (np.concatenate(both, axis=1).ravel() for both in zip(*picks, strict=True))
+        chosen, chance, about = (
+            np.concatenate(each, axis=1).ravel() for each in zip(*picks, strict=True)
+        )
         kind = self._kind_of.take(chosen)
         order = np.argsort(kind, kind="stable")
         ends = np.cumsum(np.bincount(kind, minlength=len(self._kinds)))
@@ -186,7 +240,7 @@ class Crowd:
         points, normals = points.take(point, axis=0), normals.take(point, axis=0)
         u = np.concatenate([uniform(first + 1 + k) for k in range(PICKS)]).take(order, axis=0)
         wi, rgb = np.zeros((len(order), 3)), self._rgb.take(light, axis=0)
-        distance, weight = np.ones(len(order)), np.zeros(len(order))
+        distance, weight, pdf = np.ones(len(order)), np.zeros(len(order)), np.ones(len(order))
         start = 0
         for (one, place), end in zip(self._kinds, ends.tolist(), strict=True):
             rows, start = slice(start, end), end
@@ -195,18 +249,56 @@ class Crowd:
             at = {place: self._places.take(light[rows], axis=0)} if place else {}
             found = replace(one, **at).sample(points[rows], normals[rows], u[rows])
             wi[rows], distance[rows], weight[rows] = found.wi, found.distance, found.weight
+            pdf[rows] = found.pdf if one.is_found else np.inf
             if found.tint is not None:
                 rgb[rows] *= found.tint
         back = np.empty_like(order)
         back[order] = np.arange(len(order))
         weight /= PICKS * chance.take(order)
+        pdf *= PICKS * about.take(order)
         found = []
         for k in range(PICKS):
             rows = back[k * n : (k + 1) * n]
-            each = weight.take(rows)
-            sample = LightSample(pick(wi, rows), distance.take(rows), each, each)
+            parts = distance.take(rows), weight.take(rows), pdf.take(rows)
+            sample = LightSample(pick(wi, rows), *parts)
             found.append((sample, rgb.take(rows, axis=0)))
         return found
+
+
+def _boxes_around(lights: Sequence[Light]) -> tuple[Caster, Ints]:
+    """Return what casts rays against boxes, twelve triangles each, and whose they are."""
+    bounds = [_bounds(light) for light in lights]
+    boxed = np.array([k for k, each in enumerate(bounds) if each is not None], dtype=np.int64)
+    low, high = (
+        np.array([each for each in bounds if each is not None]).reshape(-1, 2, 3).swapaxes(0, 1)
+    )
+    wide = LOOSE * (1.0 + 0.618 * np.arange(len(low)) % 1.0)  # no two of them end alike
+    wide = wide * np.linalg.norm(high - low, axis=1)
+    low, high = low - wide[:, None], high + wide[:, None]
+    bits = np.indices((2, 2, 2)).reshape(3, 8).T
+    sides = [np.flatnonzero(bits[:, axis] == side) for axis in range(3) for side in range(2)]
+    faces = np.array([side[corners] for side in sides for corners in ([0, 1, 2], [1, 2, 3])])
+    corners = np.where(bits[None] == 1, high[:, None], low[:, None]).reshape(-1, 3)
+    triangles = (8 * np.arange(len(low))[:, None, None] + faces).reshape(-1, 3).astype(np.int32)
+    none = np.zeros(len(triangles), dtype=np.int32)
+    mesh = Mesh("boxes", corners.astype(np.float32), triangles, None, none.astype(bool), none)
+    there = [0] if len(low) else []
+    return Caster([mesh], [Instance("boxes", 0, np.eye(4), (0,))], there), boxed
+
+
+def _bounds(light: Light) -> tuple[Floats, Floats] | None:
+    """Return the corners (3,) of what `Light.look` may find of it, None where that is nothing."""
+    plain = light.plain if isinstance(light, TexturedLight) else light
+    if not light.is_found:
+        return None
+    if isinstance(plain, PointLight):
+        return plain.position - plain.radius, plain.position + plain.radius
+    if isinstance(plain, AreaLight):
+        half = 0.5 * (np.abs(plain.axis_u) + np.abs(plain.axis_v))
+        return plain.center - half, plain.center + half
+    if isinstance(plain, MeshLight):
+        return plain.triangles.min(axis=(0, 1)), plain.triangles.max(axis=(0, 1))
+    return None
 
 
 def _alike(lights: Sequence[Light]) -> tuple[Ints, list[tuple[Light, str]], Floats]:

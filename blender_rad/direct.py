@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from .closures import Scattering
 from .crowds import Crowd
 from .emitters import Emitter, emitters
-from .lights import LightSample
+from .lights import RAYS, LightSample
 from .linking import Links
 from .rays import Caster
 from .scene import Scene, Unsupported
@@ -194,21 +194,21 @@ class DirectLight:
         if scattering is not None:
             scattering.draw(uniform(DRAWN))
         for crowd in self.crowds:
-            yield self._from_crowd(crowd, surface, uniform, passed, scattering)
+            yield from self._from_crowd(crowd, surface, uniform, passed, scattering)
         for number, emitter in enumerate(self.emitters):
             light = emitter.light
             unlit = self.links.unlit(light.name, surface.instance)
             if scattering is not None:
-                yield from self._met(emitter, surface, scattering, unlit, passed)
+                found = scattering.found(light)
+                yield from self._met(emitter, surface, found, unlit, passed)
             sample = light.sample(surface.point, surface.normal, uniform(number))
             value, cosine = self._received(surface, sample)
             if "diffuse" not in light.reaches:
                 value[:] = 0.0
-            glow = None if scattering is None else scattering.lit(light, sample)
-            if unlit is not None:
-                value[unlit] = 0.0
-                if glow is not None:
-                    glow[unlit] = 0.0
+            glow = None
+            if scattering is not None:
+                glow = scattering.lit(sample, light.reaches, found=light.is_found)
+            _darken(unlit, value, glow)
             lit = _lit(value, glow)
             if not len(lit):
                 continue
@@ -248,17 +248,15 @@ class DirectLight:
         self,
         emitter: Emitter,
         surface: Surface,
-        scattering: Scattering,
+        found: tuple[LightSample, Floats] | None,
         unlit: Bools | None,
         passed: int,
     ) -> Iterator[Arrival]:
-        """Yield what of the emitter the samples of closures meet, if anything."""
-        found = scattering.found(emitter.light)
+        """Yield what of the emitter the samples of closures have `found`, if anything."""
         if found is None:
             return
         sample, glow = found
-        if unlit is not None:
-            glow[unlit] = 0.0
+        _darken(unlit, glow)
         nothing = np.zeros(len(glow))
         lit = _lit(nothing, glow)
         if not len(lit):
@@ -277,15 +275,19 @@ class DirectLight:
         uniform: Callable[[int], Floats],
         passed: int,
         scattering: Scattering | None,
-    ) -> Arrival:
-        """Return the light of a crowd."""
+    ) -> Iterator[Arrival]:
+        """Yield the light of a crowd."""
+        if scattering is not None:
+            for look in crowd.looks(*scattering.gaze):
+                found = scattering.met(look, RAYS)
+                yield from self._met(crowd.emitter, surface, found, None, passed)
         total, exclusions = np.zeros((len(surface.point), 3)), list[Exclusion]()
         scattered = None if scattering is None else np.zeros_like(total)
         for sample, rgb in crowd.sample(surface.point, surface.normal, uniform):
             value, cosine = self._received(surface, sample)
             glow = None
             if scattering is not None:
-                glow = scattering.lit(crowd.emitter.light, sample, alone=True) * rgb
+                glow = scattering.lit(sample, RAYS, found=True) * rgb
             lit = _lit(value, glow)
             if not len(lit):
                 continue
@@ -298,7 +300,7 @@ class DirectLight:
             if glow is not None and scattered is not None:
                 scattered += _passed(glow, lit, seen, through)
         brightest = np.abs(total).max(axis=1)
-        return Arrival(crowd.emitter, brightest, exclusions, _over(total, brightest), scattered)
+        yield Arrival(crowd.emitter, brightest, exclusions, _over(total, brightest), scattered)
 
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
         """Return the unoccluded irradiance (n,), nan where no closed form holds."""
@@ -356,6 +358,13 @@ class DirectLight:
         through = np.zeros((len(lit), 3))
         through[rows] = share
         return through.mean(axis=1), through, exclusions
+
+
+def _darken(unlit: Bools | None, *values: Floats | None) -> None:
+    """Set `values` (n, ...) to 0 where they are `unlit` (n,)."""
+    for each in values if unlit is not None else ():
+        if each is not None:
+            each[unlit] = 0.0
 
 
 def _lit(value: Floats, glow: Floats | None) -> Ints:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from blender_rad import closures
 from blender_rad.cameras import camera_rays
 from blender_rad.closures import Closures, Scattering
+from blender_rad.crowds import gathered
 from blender_rad.direct import DirectLight
 from blender_rad.lights import SkyMap
 from blender_rad.lights.area import AreaLight
@@ -77,16 +79,20 @@ def made(shown: Closure, lit: str = "sky", *, flat: bool = True, **others: Any) 
     return scene(meshes, instances, parts.pop("lights"), materials=materials, **parts)
 
 
-def seen(made: Scene, rng: np.random.Generator) -> tuple[float, float]:
+def seen(made: Scene, rng: np.random.Generator, *, together: bool = False) -> tuple[float, float]:
     """Return the mean and standard error of what closures send up from a point."""
     light, place = DirectLight(made), np.zeros(SAMPLES, dtype=np.int64)
     assert made.camera is not None
+    if together:
+        light = gathered(light, made, made.camera, per_light=False)
+        assert light.crowds
     rays = camera_rays(made.camera, made.resolution, np.array([[8.0, 8.0]]))
     hits = light.visibility.camera.intersect(rays.origins, rays.directions)
     surface = light.geometry.surface(hits.take(place), rays.directions[place])
     scattering = Closures(made, light.geometry).at(surface)
-    u = [rng.random((SAMPLES, 2)) for _ in range(4)]
-    arrivals = light.arrivals(surface, lambda *_: np.zeros(SAMPLES), u.__getitem__, 0, scattering)
+    nothing = np.zeros(SAMPLES)
+    random = defaultdict[int, np.ndarray](lambda: rng.random((SAMPLES, 2)))
+    arrivals = light.arrivals(surface, lambda *_: nothing, random.__getitem__, 0, scattering)
     total = sum(arrival.scattered for arrival in arrivals if arrival.scattered is not None)
     values = np.mean(total, axis=-1) * np.ones(SAMPLES)
     return float(values.mean()), float(values.std() / np.sqrt(SAMPLES))
@@ -106,7 +112,7 @@ def test_lights_and_closures_are_sampled_to_the_same_end(
     both = seen(built, rng)
     monkeypatch.setattr(closures, "_trust", lambda own, _: np.ones_like(own))
     with monkeypatch.context() as without:
-        without.setattr(Scattering, "found", lambda *_: None)
+        without.setattr(Scattering, "met", lambda *_: None)
         first = seen(built, rng)
     monkeypatch.setattr(Scattering, "lit", lambda self, *_, **__: 0.0 * self._wi)
     second = seen(built, rng)
@@ -115,6 +121,20 @@ def test_lights_and_closures_are_sampled_to_the_same_end(
     for mean, error in (second,) if alone else (first, second):
         assert abs(mean - both[0]) < SIGMAS * np.hypot(error, both[1])
     assert both[1] < 1.1 * max(first[1], second[1])
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.5])
+def test_many_lights_are_found_as_each_is(roughness: float, rng: np.random.Generator) -> None:
+    """Gathered and one by one; some of them are points, which no ray finds."""
+    places = rng.uniform((1.0, -2.0, 2.0), (4.0, 2.0, 3.0), (20, 3))
+    balls = [
+        replace(SPHERE, name=f"{k}", position=p, radius=0.2 * (k % 3)) for k, p in enumerate(places)
+    ]
+    panels = [replace(AREA, name=f"panel {k}", center=p - 0.5) for k, p in enumerate(places[:8])]
+    built = made(ggx(roughness), lights=[*balls, *panels], world=World())
+    (one, error), (all_, spread) = (seen(built, rng, together=k) for k in (False, True))
+    assert abs(all_ - one) < SIGMAS * np.hypot(error, spread)
+    assert spread < 8.0 * error
 
 
 @pytest.mark.parametrize(("shown", "albedo"), [(TRANSLUCENT, (0.8, 0.6, 0.4)), (ggx(0.0), None)])
