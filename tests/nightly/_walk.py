@@ -15,6 +15,7 @@ import bpy
 
 OUT = Path(sys.argv[-1])
 LONGEST_S = 240
+LUMENS, CHECK, VIEW = (1117, 663), (1115, 548), (495, 500)  # places on the screen, 1200 × 720
 ADDON = "bl_ext.user_default.radiometric.addon"
 bpy.context.preferences.view.show_splash = False
 story = {}
@@ -28,6 +29,43 @@ def picture(name):
     file = OUT / f"{name}.png"
     grab = ["import", "-window", "root", "+dither", "-colors", "128"]
     subprocess.run([*grab, str(file)], check=True)
+
+
+def hands(*words):
+    """Have xdotool move the mouse and press keys, as a hand would."""
+    subprocess.run(["xdotool", *map(str, words)], check=True)
+
+
+def until(done) -> Iterator[float]:
+    for _ in range(LONGEST_S):
+        if done():
+            return
+        yield 1
+
+
+def type_lumens() -> Iterator[float]:
+    """Type lumens into the panel of the lamp, and undo that; the panel is in the default engine."""
+    name = bpy.context.object.data.name
+    bpy.data.lights[name].radiometry.unit = 'lm'
+
+    def value() -> float:
+        return bpy.data.lights[name].radiometry.value
+
+    area('PROPERTIES').spaces.active.context = 'DATA'
+    bpy.ops.ed.undo_push(message="Lamp")
+    yield 5
+    hands("mousemove", *LUMENS, "click", "--repeat", 2, "--delay", 80, 1)
+    yield 5
+    hands("key", "ctrl+a", "type", "5000")
+    yield 5
+    hands("key", "Return")
+    yield from until(lambda: abs(value() - 5000.0) < 1.0)
+    yield 5
+    story["typed_lm"] = value()
+    picture("lumens")
+    hands("mousemove", *VIEW, "key", "ctrl+z")
+    yield from until(lambda: abs(value() - 5000.0) > 1.0)
+    story["undone_lm"] = value()
 
 
 def in_view(operator, **options):
@@ -48,6 +86,8 @@ def walk() -> Iterator[float]:
     in_view(add.light_add, type='AREA', location=(0, 0, 2))
     bpy.context.object.name = "Lamp"
     bpy.context.object.data.size = 0.5
+    yield from type_lumens()
+    scene = bpy.context.scene
     in_view(add.camera_add, location=(0, -4, 2.5), rotation=(1.05, 0, 0))
     scene.camera = bpy.context.object
     scene.render.resolution_x, scene.render.resolution_y = 96, 64
@@ -65,21 +105,18 @@ def walk() -> Iterator[float]:
     story["meter_lx"] = sys.modules[f"{ADDON}.metering"].STATE.readings[meter.name].value
     drawing = sys.modules[f"{ADDON}.drawing"]
     yield 3
-    for _ in range(LONGEST_S):
-        if not any(viewport.refining for viewport in drawing.VIEWPORTS.values()):
-            break
-        yield 1
+    yield from until(lambda: not any(v.refining for v in drawing.VIEWPORTS.values()))
     picture("desk")
     own.view = 'illuminance'
     yield 4
     picture("lux")
     own.view, own.tolerance = 'radiance', 0.05
-    bpy.ops.radiometric.check()
-    check = sys.modules[f"{ADDON}.check_panel"]._last()
-    for _ in range(LONGEST_S):
-        if not check.running:
-            break
-        yield 1
+    yield 5
+    hands("mousemove", *CHECK, "click", 1)
+    panel = sys.modules[f"{ADDON}.check_panel"]
+    yield from until(panel._last)
+    check = panel._last()
+    yield from until(lambda: not check.running)
     yield 2
     story["verdict"] = check.document["verdict"] if check.document else check.error
     picture("agree")
