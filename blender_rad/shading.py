@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .scene import Instance, Mesh, Scene
 from .surfaces import Geometry, Surface, dot, normalized, pick
-from .tangents import tangents
+from .tangents import around, tangents
 from .textures import GENERATED, NORMAL, TANGENT, Array, Context, Expression
 
 Ints = NDArray[np.int64]
@@ -109,9 +109,11 @@ def context_on(
         if name == NORMAL:
             return raw
         found = mesh.attributes.get(name)
-        mapped = mesh.attributes.get(name.removesuffix(TANGENT))
-        if found is None and name.endswith(TANGENT) and mapped is not None:
-            found = mesh.attributes[name] = tangents(mesh, mapped)
+        if found is None and name.endswith(TANGENT):
+            mapped = mesh.attributes.get(name.removesuffix(TANGENT))
+            mapped = around(mesh) if mapped is None and name == TANGENT else mapped
+            if mapped is not None:
+                found = mesh.attributes[name] = tangents(mesh, mapped)
         return None if found is None else np.einsum("nk,nkd->nd", weights, found[triangle])
 
     return Context(

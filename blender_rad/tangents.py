@@ -46,6 +46,14 @@ def tangents(mesh: Mesh, uv: NDArray[np.float32]) -> NDArray[np.float32]:
     return found.reshape(-1, 3, 4).astype(np.float32)
 
 
+def around(mesh: Mesh) -> NDArray[np.float32]:
+    """Return the map (m, 3, 2) of a mesh that has none: longitude and latitude of its vertices."""
+    x, y, z = mesh.vertices.astype(np.float64).T
+    longitude = np.where((x == 0.0) & (y == 0.0), 0.0, 0.5 - 0.5 * np.arctan2(x, y) / np.pi)
+    uv = np.stack([longitude, 0.5 + np.arctan2(z, np.hypot(x, y)) / np.pi], axis=1)
+    return uv.astype(np.float32)[mesh.triangles]
+
+
 def _unit(vectors: Floats) -> Floats:
     length = np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
     return vectors / np.where(length == 0.0, 1.0, length)

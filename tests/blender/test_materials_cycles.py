@@ -245,6 +245,7 @@ def tangent(direction: str, axis: str = 'X') -> Wiring:
 
 VECTORS: dict[str, Wiring] = {
     "tangent": normal_map(),
+    "without a map": tangent('UV_MAP'),
     "tangent mirrored": normal_map(strength=1.6, convention='DIRECTX'),
     "object": normal_map('OBJECT', 1.0),
     "world": normal_map('WORLD', 0.5),
@@ -259,9 +260,9 @@ VECTORS: dict[str, Wiring] = {
 def test_normals_and_tangents_are_those_of_cycles() -> None:
     """A row of smooth balls and one of flat ones, some mirrored, that show 1 + 0.3 of a vector."""
     empty_scene()
-    for k, wire in enumerate(VECTORS.values()):
+    for k, (name, wire) in enumerate(VECTORS.items()):
         for row in (0, 1):
-            mesh = mapped("Ball")
+            mesh = sphere("Ball") if name == "without a map" else mapped("Ball")
             if row:
                 mesh.shade_flat()
             mesh.materials[0] = created = material("Show", "ShaderNodeEmission")
