@@ -76,6 +76,13 @@ def unlit_by() -> None:
     lamps()[0].visible_diffuse = False
 
 
+def seen_alone() -> None:
+    """A lamp that shows and lights nothing, beside those that do."""
+    lamps()
+    shown = lamp('POINT', (-1, 0.3, 1.2), shadow_soft_size=0.3)
+    shown.visible_camera, shown.visible_diffuse = True, False
+
+
 def sampled(method: str) -> Callable[[], None]:
     def build() -> None:
         stage()
@@ -95,6 +102,7 @@ CASES = {
     "light-max-bounces-0": on_lamps(True, max_bounces=0),
     "light-groups": grouped,
     "light-no-diffuse-rays": unlit_by,
+    "light-that-the-camera-alone-sees": seen_alone,
     "portal": portal,
     "world-sampling-none": on_world(sampling_method='NONE', max_bounces=0),
     "world-sampling-manual": on_world(sampling_method='MANUAL', sample_map_resolution=64),

@@ -112,11 +112,6 @@ def light_nodes(kind: str) -> Build:
     return build
 
 
-def seen_alone(_: Any, light: Any) -> str:
-    light.visible_camera, light.visible_diffuse = True, False
-    return light.name
-
-
 def world_output(socket: str, kind: str) -> Build:
     def build(*_: Any) -> str:
         world()
@@ -171,7 +166,6 @@ CASES: dict[str, Build] = {
     "Camera culling": culled,
     "Noise in a light": light_nodes("TexNoise"),
     "Light Path in a light": light_nodes("LightPath"),
-    "Light that the camera alone sees": seen_alone,
     "World volume": world_output("Volume", "VolumeScatter"),
     "World without shadows": world_without_shadows,
     "Stereoscopy": stereo,
