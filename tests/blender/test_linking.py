@@ -20,7 +20,7 @@ from .agreement import both_sides, lamp
 from .reading import CUBE, SQUARE, add, material, polygons
 from .test_features_cycles import SIZE, agrees, glowing, stage
 
-pytestmark = pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Light linking")
+FEATURE = pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Light linking")
 SLOW = pytest.mark.slow
 WIDE = {'POINT': {"shadow_soft_size": 0.3}, 'AREA': {"size": 0.8}, 'SUN': {"angle": 0.2}}
 
@@ -125,7 +125,8 @@ def test_meters_have_the_lights_that_light_what_is_not_named() -> None:
 
 
 @SLOW
-@pytest.mark.parametrize("kind", ['SUN', 'AREA'])
+@FEATURE
+@pytest.mark.parametrize("kind", ['SUN', 'AREA'], ids=["sun-without-mis", "area-without-mis"])
 def test_cycles_loses_light_that_it_finds_by_the_surface(kind: str) -> None:
     """Behind what does not shadow a light; without Multiple Importance it finds none so."""
     _, box, _ = boxes()
@@ -142,6 +143,7 @@ def test_cycles_loses_light_that_it_finds_by_the_surface(kind: str) -> None:
     assert not sides.scene.findings
 
 
+@FEATURE
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=SLOW) for n in CASES])
 def test_links_are_those_of_cycles(name: str) -> None:
     CASES[name]()
