@@ -182,7 +182,8 @@ class RADIOMETRIC_RENDER_PT_lint(bpy.types.Panel):
         name = RADIOMETRIC_UL_findings.__name__
         layout.template_list(name, "", group, "findings", group, "active", rows=4)
         shown = group.findings[min(group.active, len(group.findings) - 1)]
-        say(layout, context, shown.name, ICONS[shown.severity])
+        said = f"{shown.effect}, {shown.name}" if shown.effect else shown.name
+        say(layout, context, said, ICONS[shown.severity])
         if shown.about in context.view_layer.objects:
             layout.operator("radiometric.select", text=shown.about).name = shown.about
 
