@@ -113,13 +113,15 @@ def _line(cells: list[str]) -> str:
 
 
 def merged(text: str, reports: list[Path]) -> dict[str, dict[Row, str]]:
-    """Return what the page `text` says after the reports."""
-    columns = read(text)
+    """Return what the page `text` says after the reports, taken together."""
+    columns, fresh = read(text), dict[str, dict[Row, str]]()
     for report in reports:
         for blender, rows in results(report).items():
-            areas = {key[0] for key in rows}
-            kept = {k: word for k, word in columns.get(blender, {}).items() if k[0] not in areas}
-            columns[blender] = kept | rows
+            fresh.setdefault(blender, {}).update(rows)
+    for blender, rows in fresh.items():
+        areas = {key[0] for key in rows}
+        kept = {k: word for k, word in columns.get(blender, {}).items() if k[0] not in areas}
+        columns[blender] = kept | rows
     return columns
 
 
