@@ -314,3 +314,10 @@ def test_a_picture_of_directly_seen_light_alone_is_judged_by_frame_and_tiles():
     found = judged({}, scaled(layers, 'Sky', 1.1), 0.01, film=film)
     assert found.verdict == 'differ'
     assert 'tiles-differ' in {f.code for f in found.findings}
+
+
+def test_lights_that_the_budget_cannot_tell_apart_are_judged_together():
+    alone, grouped = (judged(room(), noise=0.15, budget=budget) for budget in (100.0, 1.0))
+    assert (alone.verdict, grouped.verdict) == ('undecided', 'agree')
+    assert not any(light.group for light in alone.lights)
+    assert any(light.group for light in grouped.lights)
