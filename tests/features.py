@@ -52,14 +52,17 @@ def blender_version() -> str:
 
 
 def rows_of(item: Any) -> tuple[set[Row], str]:
-    """Return the rows of a pytest item, and what they say where the test passes."""
+    """Return the rows of a pytest item, and what they say where the test passes.
+
+    Each case of a test that is marked is a row; one that is not is a row as a whole.
+    """
     marker, module = item.get_closest_marker("feature"), item.path.stem.removeprefix("test_")
     if marker is None and not module.endswith("_cycles"):
         return set(), ""
     case, options = getattr(item, "callspec", None), marker.kwargs if marker else {}
-    words = item.originalname.removeprefix("test_").replace("_", " ")
-    name, compared = (case.id.replace("|", "/"), words) if case else (words, "with Cycles")
-    compared = marker.args[0] if marker else compared
+    name, compared = item.originalname.removeprefix("test_").replace("_", " "), "with Cycles"
+    if marker:
+        compared, name = marker.args[0], case.id if case else name
     area = options.get("area", module.removesuffix("_cycles").capitalize())
     rows = {(area, each, compared) for each in options.get("rows", [name])}
     return rows, options.get("holds", "agrees")

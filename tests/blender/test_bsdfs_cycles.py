@@ -79,7 +79,7 @@ def sides() -> list[Sides]:
     return found
 
 
-@pytest.mark.feature("f |cosθ| of each pixel, at many angles and roughnesses", area="BSDFs")
+@pytest.mark.feature("f cosθ of each pixel, at many angles and roughnesses", area="BSDFs")
 @pytest.mark.parametrize("name", dict(CLOSURES))
 def test_a_closure_is_that_of_cycles(name: str, sides: list[Sides]) -> None:
     for pairs, (kind, closure) in zip(sides, CLOSURES, strict=True):
@@ -100,7 +100,7 @@ PANES = {
 }
 
 
-@pytest.mark.feature("a pane's direct light by two samples, of the lamp and of the closure")
+@pytest.mark.feature("a pane's direct light, by two ways of sampling", area="BSDFs")
 @pytest.mark.parametrize("name", PANES)
 def test_panes_show_what_emits(name: str) -> None:
     empty_scene()

@@ -57,6 +57,7 @@ def centres(size: tuple[int, int]) -> np.ndarray:
     return np.stack([column + 0.5, size[1] - 0.5 - row], axis=-1).reshape(-1, 2)
 
 
+@pytest.mark.feature("what each pixel sees")
 @pytest.mark.parametrize("kind", PANORAMAS)
 def test_panorama_sees_what_cycles_sees(kind: str, tmp_path: Path) -> None:
     size = 60, 48
@@ -89,6 +90,7 @@ LENSES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 }
 
 
+@pytest.mark.feature("depth of field: picture")
 @pytest.mark.parametrize("name", LENSES)
 def test_lens_lets_through_what_it_does_in_cycles(
     name: str, tmp_path: Path, rng: np.random.Generator
