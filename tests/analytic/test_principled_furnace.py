@@ -61,12 +61,20 @@ def test_nothing_is_won_and_little_lost(case: str, cosine: float) -> None:
 
 
 def test_where_cycles_wins_light() -> None:
-    """Below an index of 1 by the tables of its inverse, with smooth gloss between their nodes, and
-    in glass by facets that face away.
-    """
-    assert 1.1 < albedo({"Transmission Weight": 1.0}, 0.2) < 1.35
+    """Below an index of 1 by the tables of its inverse, with smooth gloss between their nodes."""
     assert 1.5 < albedo({"IOR": 0.7}, 0.5) < 1.8
     assert 1.02 < albedo({"Roughness": 0.1}, 0.05) < 1.05
+
+
+def test_glass_wins_light_where_no_sample_of_it_goes() -> None:
+    """Facets that face away refract what is sent from lights, as in Cycles."""
+    case, n, place = {"Transmission Weight": 1.0}, 1 << 16, np.arange(1 << 16)
+    z, turn = 1.0 - (2.0 * place + 1.0) / n, 2.0 * np.pi * GOLDEN * place
+    level = np.sqrt(1.0 - z**2)
+    directions = np.stack([level * np.cos(turn), level * np.sin(turn), z], axis=1)
+    value, _ = Mixture.of(lobes(KIND, white(case, 0.2, n))).evaluate(directions)
+    assert 1.1 < 4.0 * np.pi * np.mean(value[:, 0]) < 1.35
+    assert abs(albedo(case, 0.2) - 1.0) < 2e-3
 
 
 def test_emission_is_dimmed_by_what_covers_it() -> None:
