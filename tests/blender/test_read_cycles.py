@@ -139,7 +139,7 @@ def test_layers_without_surfaces_show_none(tmp_path: Path) -> None:
 
 
 def test_the_material_of_empty_slots(tmp_path: Path) -> None:
-    """Its diffuse colour in Cycles: the albedo that is read, where it is Lambert."""
+    """Its diffuse colour in Cycles: the albedo that is read, where it is Lambert; else a gloss."""
     wall(8, 8)
     bpy.data.objects["Wall"].data.materials.clear()
     scene = read()
@@ -147,7 +147,9 @@ def test_the_material_of_empty_slots(tmp_path: Path) -> None:
     bpy.context.scene.view_layers[0].use_pass_glossy_color = True
     passes = cycles_passes(tmp_path)
     lambert = not np.abs(passes["GlossCol"]).any()
-    assert lambert == (not scene.materials[0].unsupported)
+    assert not scene.materials[0].unsupported
+    expected = [] if lambert else ["ShaderNodeBsdfPrincipled"]
+    assert [closure.kind for closure in scene.materials[0].closures] == expected
     if lambert:
         np.testing.assert_allclose(
             passes["DiffCol"], np.broadcast_to(scene.materials[0].albedo, (8, 8, 3)), rtol=1e-6
