@@ -332,10 +332,13 @@ class _Run:
             sums.depth[span] = reduce(np.minimum, batch.by_pixel(depth).T, sums.depth[span])
         materials = np.flatnonzero(np.bincount(surface.material))
         for material in materials:
+            unmeasured = self.scene.materials[material].measured and surface.subpixel is None
+            if not unmeasured and not self.unsupported[material]:
+                continue
             rows = np.flatnonzero(surface.material == material)
             for cause in self.unsupported[material]:
                 self._exclude(batch, batch.hits[rows], cause)
-            if self.scene.materials[material].measured and surface.subpixel is None:
+            if unmeasured:
                 self._unmeasured(batch, surface, rows, BEHIND)
         if not any(self.scene.materials[m].emits for m in materials):
             return np.zeros_like(surface.point)
