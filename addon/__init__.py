@@ -11,6 +11,7 @@ from . import (
     light_panel,
     lint_panel,
     live,
+    meter_panel,
     metering,
     preferences,
     readout,
@@ -33,6 +34,7 @@ MODULES = (
     stating,
     readout,
     light_panel,
+    meter_panel,
     metering,
     translations,
 )

@@ -225,11 +225,12 @@ class _Few:
 
     def readings(self) -> Readings:
         everyone = np.arange(len(self.points))
+        first = BATCH // (STREAMS * self.exact.size) if self.emitters else 0
         for number, emitter in enumerate(self.emitters):
             exact = emitter.light.irradiance(self.points, self.normals)
             if exact is not None and not emitter.light.is_delta:
                 self.exact[number, :, 0] = exact
-            self._take(number, everyone)
+            self._take(number, everyone, max(first, FIRST_POINTS))
         rgb = np.array([e.light.rgb * (e.layer >= 0) for e in self.emitters]).reshape(-1, 3)
         scale = (rgb @ self.meter.weights)[:, None]
         while True:
@@ -274,15 +275,15 @@ class _Few:
 
     def _double(self, number: int, rows: Ints) -> None:
         """Take as many samples again: the more often one looks, the sooner chance ends it."""
-        enough = np.minimum(2.0 * self.taken[number, rows].max(), MAX_POINTS)
-        while self.taken[number, rows].max() < enough:
-            self._take(number, rows)
+        most = int(self.taken[number, rows].max())
+        points, enough = max(BATCH // (STREAMS * len(rows)), 1), min(2 * most, MAX_POINTS)
+        for taken in range(most, enough, points):
+            self._take(number, rows, min(points, enough - taken))
 
-    def _take(self, number: int, rows: Ints) -> None:
-        """Add a batch of samples of an emitter to the meters `rows`; of a delta light one each."""
+    def _take(self, number: int, rows: Ints, points: int) -> None:
+        """Add samples of an emitter to each stream of the meters `rows`; of a delta light one."""
         emitter, taken = self.emitters[number], self.taken[number, rows]
-        points = max(BATCH // (STREAMS * len(rows)), FIRST_POINTS)
-        shape = (len(rows), STREAMS, min(points, MAX_POINTS - int(taken.max())))
+        shape = (len(rows), STREAMS, points)
         if emitter.light.is_delta:
             shape = (len(rows), 1, 1)
         meter, stream, index = np.broadcast_arrays(

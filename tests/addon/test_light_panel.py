@@ -302,6 +302,14 @@ def test_meters_read_and_lights_are_solved_in_one_step(addon: Any, make: Make) -
     assert metering.met(meter) is True
     bpy.ops.ed.undo()
     assert bpy.data.lights[name].radiometry.value == pytest.approx(400.0, rel=1e-4)
+    bpy.data.objects["Meter"].radiometric_meter.target = 0.0
+    floor = bpy.context.view_layer.objects.active = bpy.data.objects["Meter Grid"]
+    assert bpy.ops.radiometric.standard(task="Classroom") == {'FINISHED'}
+    assert bpy.ops.radiometric.solve() == {'FINISHED'}
+    assert metering.STATE.readings["Meter Grid"].value == pytest.approx(300.0, rel=1e-4)
+    assert metering.met(floor) is False, "one lamp lights a floor of 4 m too unevenly"
+    floor.radiometric_meter.uniformity = 0.3
+    assert metering.met(floor) is True
 
 
 LUMINAIRE = """IESNA:LM-63-2002
