@@ -29,11 +29,11 @@ def passes(bl_scene: Any) -> Iterator[tuple[str, str]]:
     yield from PASSES.items()
     if not bl_scene.radiometric.pass_lights:
         return
-    from ..blender_rad.bpy_io.materials import full, surface_of
+    from ..blender_rad.bpy_io.materials import surface_of
 
     for bl_object in bl_scene.objects:
         blocks = [slot.material for slot in bl_object.material_slots]
-        if bl_object.type == 'LIGHT' or any(full(surface_of(b)).emits for b in blocks if b):
+        if bl_object.type == 'LIGHT' or any(surface_of(b).full.emits for b in blocks if b):
             yield from _light_passes([bl_object.name])
     if bl_scene.world:
         yield from _light_passes(["World"])

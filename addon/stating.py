@@ -35,6 +35,7 @@ LABELS = {identifier: label for identifier, label, _ in UNITS}
 SPECTRA = ("A", "D50", "D65", *(f"LED-B{k}" for k in range(1, 6)), "FL2", "FL11", "HP1",
            "blackbody:2700", "blackbody:3200", "blackbody:5600", "laser:532")  # fmt: skip
 _factors: dict[Any, float] = {}
+_drawn: dict[Any, Any] = {}
 
 
 def convention(group: Any) -> Any:
@@ -119,6 +120,19 @@ def unit_of(block: Any) -> str:
 def defined(light: Any, unit: str) -> bool:
     """Return whether the quantity has a meaning for the light, such as a luminance of a point."""
     return math.isfinite(_factor(light, unit))
+
+
+def drawn(make: Any, light: Any, *what: Any) -> Any:
+    """Return ``make(light, *what)``, from the last time while nothing has changed."""
+    key = (make, light.session_uid, *what)
+    if key not in _drawn:
+        _drawn[key] = make(light, *what)
+    return _drawn[key]
+
+
+@bpy.app.handlers.persistent
+def _look_again(*_: Any) -> None:
+    _drawn.clear()
 
 
 def glows(block: Any) -> bool:
@@ -321,7 +335,7 @@ def _radiance(block: Any) -> Any:
     from ..blender_rad.bpy_io.materials import surface_of
 
     surface = surface_of(block)
-    return None if surface.unknown_emission else surface.emission
+    return None if surface.unknown_emission else surface.full.emission
 
 
 def _glow(group: Any, unit: str) -> float:
@@ -390,6 +404,12 @@ class RADIOMETRIC_PG_glow(bpy.types.PropertyGroup):
         del bpy.types.Material.radiometry, bpy.types.World.radiometry
 
 
+_MOMENTS = (
+    ("depsgraph_update_post", _keep_flux),
+    ("depsgraph_update_post", _look_again),
+    ("frame_change_post", _look_again),
+    ("load_post", _look_again),
+)
 _register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
     (RADIOMETRIC_PG_light, RADIOMETRIC_PG_glow)
 )
@@ -397,9 +417,12 @@ _register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[
 
 def register() -> None:
     _register()
-    bpy.app.handlers.depsgraph_update_post.append(_keep_flux)
+    for moment, handler in _MOMENTS:
+        getattr(bpy.app.handlers, moment).append(handler)
 
 
 def unregister() -> None:
-    bpy.app.handlers.depsgraph_update_post.remove(_keep_flux)
+    for moment, handler in _MOMENTS:
+        getattr(bpy.app.handlers, moment).remove(handler)
+    _drawn.clear()
     _unregister()

@@ -159,7 +159,7 @@ def read_passes(
     RadError
         When the file cannot be read or holds none of `choices`: names what it holds.
     """
-    planes, header = _read_planes(path)
+    planes, header = read_planes(path)
     views: dict[str, dict[str, dict[str, Pixels]]] = {}
     for name, plane in planes.items():
         layer, _, letter = name.rpartition(".")
@@ -184,7 +184,7 @@ def read_passes(
     raise RadError("not the passes needed", os.fspath(path), f"expected {listed}; has {has}")
 
 
-def _read_planes(path: str | os.PathLike[str]) -> tuple[dict[str, Pixels], dict[str, Any]]:
+def read_planes(path: str | os.PathLike[str]) -> tuple[dict[str, Pixels], dict[str, Any]]:
     """Return all channels by full name, and the attributes of all parts, the first's first."""
     import OpenEXR
 

@@ -12,48 +12,16 @@ from ..scene import Aperture, Camera, Unsupported
 from .arrays import matrix
 
 Floats = NDArray[np.float64]
-Plane = tuple[float, float, float, float]
-
-
-def view_plane(
-    size: tuple[float, float],
-    fit: str,
-    sensor: tuple[float, float],
-    *,
-    lens: float | None,
-    scale: float,
-    shift: tuple[float, float],
-) -> Plane:
-    """Return (left, right, bottom, top) of the full frame on the plane z = -1, or in bu.
-
-    Parameters
-    ----------
-    size : width and height of the frame, each times its pixel aspect.
-    fit : Blender's sensor fit: AUTO, HORIZONTAL or VERTICAL.
-    sensor : width and height [mm].
-    lens : focal length [mm]; None for an orthographic camera.
-    scale : orthographic scale [bu].
-    shift : in parts of the side that the sensor fits.
-
-    Notes
-    -----
-    The fitted side is the width for HORIZONTAL, for AUTO the larger one. It spans
-    ``sensor / lens`` on the plane at distance 1, or `scale`; AUTO takes the sensor's width for
-    either side. The other side follows from the frame's shape. Shifts count in the fitted side.
-
-    Examples
-    --------
-    >>> view_plane((2, 1), "AUTO", (36, 24), lens=18.0, scale=0.0, shift=(0.0, 0.0))
-    (-1.0, 1.0, -0.5, 0.5)
-    """
-    width, height = size
-    wide = fit == "HORIZONTAL" or (fit == "AUTO" and width > height)
-    sensor_side = sensor[1] if fit == "VERTICAL" else sensor[0]
-    span = scale if lens is None else sensor_side / lens
-    fitted = width if wide else height
-    half_x, half_y = span * width / fitted / 2, span * height / fitted / 2
-    x, y = span * shift[0], span * shift[1]
-    return (x - half_x, x + half_x, y - half_y, y + half_y)
+# Properties that `Camera.lens` holds of a panorama; the sensor's sides follow.
+_PANORAMAS = {
+    "equirectangular": ("longitude_min", "longitude_max", "latitude_min", "latitude_max"),
+    "central_cylindrical": tuple(
+        f"central_cylindrical_range_{end}" for end in ("u_min", "u_max", "v_min", "v_max")
+    ),
+    "fisheye_equidistant": ("fisheye_fov",),
+    "fisheye_equisolid": ("fisheye_lens", "fisheye_fov"),
+    "fisheye_lens_polynomial": (*(f"fisheye_polynomial_k{k}" for k in range(5)), "fisheye_fov"),
+}
 
 
 def read_camera(bl_object: Any, render: Any, resolution: tuple[int, int]) -> Camera:
@@ -68,49 +36,46 @@ def read_camera(bl_object: Any, render: Any, resolution: tuple[int, int]) -> Cam
     kinds = {"ORTHO": "orthographic", "PANO": camera.panorama_type.lower()}
     kind = kinds.get(camera.type, "perspective")
     size = (resolution[0] * render.pixel_aspect_x, resolution[1] * render.pixel_aspect_y)
-    sensor, shift = (camera.sensor_width, camera.sensor_height), (camera.shift_x, camera.shift_y)
-    fit, focal = camera.sensor_fit, None if kind == "orthographic" else camera.lens
-    plane = view_plane(size, fit, sensor, lens=focal, scale=camera.ortho_scale, shift=shift)
-    lens: tuple[float, ...] = ()
+    sensor, (width, height) = _frame(camera, size)
+    x, y, lens = camera.shift_x, camera.shift_y, ()
     if camera.type == "PANO":
-        left, right, bottom, top = view_plane(size, fit, sensor, lens=1.0, scale=0.0, shift=(0, 0))
-        lens = _panorama(camera, kind, (right - left, top - bottom))
-        plane = (shift[0], 1.0 + shift[0], shift[1], 1.0 + shift[1])
+        plane = (x, 1.0 + x, y, 1.0 + y)
+        lens = _panorama(camera, kind, (sensor * width, sensor * height))
+    else:
+        span = camera.ortho_scale if kind == "orthographic" else sensor / camera.lens
+        left, right = (span * (x + side * width / 2) for side in (-1, 1))
+        bottom, top = (span * (y + side * height / 2) for side in (-1, 1))
+        plane = (left, right, bottom, top)
     features = ["Custom camera"] * (camera.type == "CUSTOM")
     features += ["Stereoscopy"] * render.use_multiview
-    return Camera(
-        name,
-        kind,
-        world,
-        plane,
-        (camera.clip_start, camera.clip_end),
-        tuple(Unsupported("camera", name, feature) for feature in features),
-        lens,
-        lens_of(camera, world),
-    )
+    unsupported = tuple(Unsupported("camera", name, feature) for feature in features)
+    clip = (camera.clip_start, camera.clip_end)
+    return Camera(name, kind, world, plane, clip, unsupported, lens, lens_of(camera, world))
+
+
+def _frame(camera: Any, size: tuple[float, float]) -> tuple[float, tuple[float, float]]:
+    """Return the side of the sensor [mm] that spans one of the frame's, and these in parts of it.
+
+    The fitted side is the width for HORIZONTAL, for AUTO the larger one; AUTO takes the sensor's
+    width for either. The other side follows from the frame's shape. Shifts count in the fitted.
+    """
+    fit, (width, height) = camera.sensor_fit, size
+    wide = fit == "HORIZONTAL" or (fit == "AUTO" and width > height)
+    fitted = width if wide else height
+    sensor = camera.sensor_height if fit == "VERTICAL" else camera.sensor_width
+    return sensor, (width / fitted, height / fitted)
 
 
 def _panorama(camera: Any, kind: str, sensor: tuple[float, float]) -> tuple[float, ...]:
     """Return `Camera.lens` of a panorama, seen by a sensor (width, height) [mm]."""
-
-    def ranges(path: str, *names: str) -> tuple[float, ...]:
-        return tuple(getattr(camera, path.format(name)) for name in names)
-
-    if kind == "equirectangular":
-        return ranges("{}", "longitude_min", "longitude_max", "latitude_min", "latitude_max")
+    values = tuple(getattr(camera, name) for name in _PANORAMAS.get(kind, ()))
     if kind == "central_cylindrical":
-        turn = ranges("central_cylindrical_range_{}", "u_min", "u_max")
-        low, high = ranges("central_cylindrical_range_{}", "v_min", "v_max")
+        left, right, low, high = values
         radius = camera.central_cylindrical_radius
-        return (*turn, low / radius, high / radius)
+        return (left, right, low / radius, high / radius)
     if kind == "fisheye_equidistant":
-        return (camera.fisheye_fov, 2.0, 2.0)
-    if kind == "fisheye_equisolid":
-        return (camera.fisheye_lens, camera.fisheye_fov, *sensor)
-    if kind == "fisheye_lens_polynomial":
-        curve = ranges("fisheye_polynomial_{}", "k0", "k1", "k2", "k3", "k4")
-        return (*curve, camera.fisheye_fov, *sensor)
-    return ()
+        return (*values, 2.0, 2.0)
+    return (*values, *sensor) if kind.startswith("fisheye") else values
 
 
 def lens_of(camera: Any, world: Floats) -> Aperture | None:

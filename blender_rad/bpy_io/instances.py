@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,12 +20,13 @@ from .arrays import floats, matrix
 from .expressions import IMAGES
 from .lights import NOT_FINITE, light_record
 from .linking import lost_in_cycles, read_linking
-from .materials import Shading, Surface, clay, full, surface_of
+from .materials import Shading, Surface, surface_of
 from .meshes import box_mesh, read_mesh
 from .questions import Questions
 
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
-Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
+Floats = NDArray[np.float64]
+Bounds = tuple[Floats, Floats]
 NOTES = {
     "area-sheared": "its axes are not at right angles (a parent scaled unevenly): Cycles takes a"
     " wrong area, so that its light is not what its power says",
@@ -85,9 +87,8 @@ class Reader:
         self._mesh_index: dict[Any, int | None] = {}
         self._material_index: dict[Any, int] = {}
         self._surfaces: dict[int, Surface] = {}
-        self._facts_of: dict[Any, _Facts] = {}
         self._templates: dict[Any, list[Instance]] = {}  # what an object gives, not yet placed
-        self._placed: list[tuple[Instance, tuple[int, int], Any]] = []
+        self._placed: list[tuple[Instance, tuple[int, int], Floats]] = []
         self._apart: set[int] = set()  # meshes whose normals Cycles leaves in object space
 
     def read(self) -> None:
@@ -112,70 +113,60 @@ class Reader:
             return
         key = (real.as_pointer(), parent.as_pointer(), data.as_pointer())
         if key not in self._templates:
-            self._templates[key] = self._geometry(item, self._facts(shown, real, parent))
+            self._templates[key] = [*self._geometry(item, real, self._facts(shown, real, parent))]
         owners = (real.original.as_pointer(), parent.original.as_pointer())
         for template in self._templates[key]:
-            self._placed.append((template, owners, tuple(map(tuple, item.matrix_world))))
+            self._placed.append((template, owners, matrix(item.matrix_world)))
 
     def _place(self) -> None:
         """Put the templates where they stand; what stands nowhere is left out."""
-        worlds = np.array([world for *_, world in self._placed], dtype=np.float64)
-        worlds = worlds.reshape(-1, 4, 4)
         users = Counter(template.mesh for template, *_ in self._placed)
-        finite = np.isfinite(worlds).all(axis=(1, 2))
-        owners = [who for (_, who, _), good in zip(self._placed, finite, strict=True) if good]
-        self.linking = read_linking(self.depsgraph, owners, self._name)
-        for (template, *_), world, good in zip(self._placed, worlds, finite, strict=True):
-            if good:
-                alone = users[template.mesh] == 1 and template.mesh not in self._apart
-                self.instances.append(
-                    replace(template, world_from_object=world, normals_in_world=alone)
-                )
-            else:
+        owners: list[tuple[int, int]] = []
+        for template, owner, world in self._placed:
+            if not np.isfinite(world).all():
                 self._left_out(template.name, "its position is not finite")
+                continue
+            owners.append(owner)
+            alone = users[template.mesh] == 1 and template.mesh not in self._apart
+            placed = replace(template, world_from_object=world, normals_in_world=alone)
+            self.instances.append(placed)
+        self.linking = read_linking(self.depsgraph, owners, self._name)
 
-    def _geometry(self, item: Any, facts: _Facts) -> list[Instance]:
-        """Return what an object shows: itself, and its particle hair."""
-        shown = item.object
-        real = item.instance_object if item.is_instance else shown
+    def _geometry(self, item: Any, real: Any, facts: _Facts) -> Iterator[Instance]:
+        """Yield what an object shows: itself, and its particle hair."""
+        shown, layer = item.object, self._layer
         if not any(facts.visible.values()):
-            return []
-        found: list[Instance | None] = []
-        layer = self._layer
+            return
         drawn = {"CURVES": layer.use_strand, "VOLUME": layer.use_volumes, "POINTCLOUD": True}
         if item.show_self and drawn.get(shown.type, layer.use_solid):
             if shown.type in _PROXIES:
-                found.append(self._proxy(shown, facts, _PROXIES[shown.type], _bounds(shown)))
+                corners = np.array([tuple(corner) for corner in shown.bound_box])
+                bounds = corners.min(axis=0), corners.max(axis=0)
+                yield self._proxy(shown, facts, _PROXIES[shown.type], bounds)
             else:
-                found.append(self._mesh_instance(shown, real, facts))
+                yield from self._mesh_instance(shown, real, facts)
         hair = _hair_bounds(shown) if item.show_particles and layer.use_strand else None
         if hair is not None:
-            found.append(self._proxy(shown, facts, "Particle hair", hair))
-        return [instance for instance in found if instance is not None]
+            yield self._proxy(shown, facts, "Particle hair", hair)
 
     def _facts(self, shown: Any, real: Any, parent: Any) -> _Facts:
-        key = (real.as_pointer(), parent.as_pointer())
-        if key not in self._facts_of:
-            self._facts_of[key] = self._new_facts(shown, real, parent)
-        return self._facts_of[key]
-
-    def _new_facts(self, shown: Any, real: Any, parent: Any) -> _Facts:
-        original = real.original
         held = parent.original.holdout_get(view_layer=self._layer_original)
         both = (shown, parent)
         visible = {ray: all(getattr(o, f"visible_{ray}") for o in both) for ray in _RAYS}
         if not held and parent.original.indirect_only_get(view_layer=self._layer_original):
             visible["camera"] = False
-        features = ["Shadow catcher"] * any(o.is_shadow_catcher for o in both)
-        adaptive = _adaptive(shown, self._scene)
-        features += ["Adaptive subdivision"] * adaptive
-        features += ["Render-time culling"] * _culled(shown, self._scene)
+        diced, culled = _adaptive(shown, self._scene), _culled(shown, self._scene)
+        features = {
+            "Shadow catcher": any(o.is_shadow_catcher for o in both),
+            "Adaptive subdivision": diced,
+            "Render-time culling": culled,
+        }
         return _Facts(
-            name=self._name(original),
+            name=self._name(real.original),
             visible=visible,
-            features=tuple(features),
+            features=tuple(feature for feature, shows in features.items() if shows),
             held_out=bool(held),
-            transparent=adaptive or "Render-time culling" in features,
+            transparent=diced or culled,
             modified=real.type == "META"
             or real.is_modified(self._scene, "RENDER")
             or any(slot.link == "OBJECT" for slot in real.material_slots),
@@ -191,20 +182,20 @@ class Reader:
         twin = library and original.name in self._twins
         return f"{library.name}/{original.name}" if twin else original.name
 
-    def _mesh_instance(self, shown: Any, real: Any, facts: _Facts) -> Instance | None:
-        """Return an instance of a mesh; one mesh for every geometry that Cycles keeps apart."""
+    def _mesh_instance(self, shown: Any, real: Any, facts: _Facts) -> Iterator[Instance]:
+        """Yield an instance of a mesh; one mesh for every geometry that Cycles keeps apart."""
         own = shown.data == real.data
         key = real.as_pointer() if own and facts.modified else shown.data.as_pointer()
         if key not in self._mesh_index:
             self._mesh_index[key] = self._new_mesh(shown.data, facts)
         index = self._mesh_index[key]
         if index is None:
-            return None
+            return
         surfaces = self._slot_surfaces(shown, int(self.meshes[index].slots.max()) + 1)
-        moved = self.shading == "full" and any(s.subsurface or s.displaced for s in surfaces)
+        moved = self.shading == "full" and any(surface.moved for surface in surfaces)
         if moved or "Adaptive subdivision" in facts.features:
             self._apart.add(index)
-        return self._instance(shown, facts, index, surfaces)
+        yield self._instance(shown, facts, index, surfaces)
 
     def _new_mesh(self, bl_mesh: Any, facts: _Facts) -> int | None:
         mesh, left_out = read_mesh(bl_mesh, modified=facts.modified)
@@ -227,14 +218,13 @@ class Reader:
         if key not in self._surfaces:
             surface = surface_of(block, self.questions if self.shading == "full" else None)
             self._surfaces[key] = surface
-            if surface.asked:
+            if count := len(surface.asked):
                 names = ", ".join(surface.asked)
-                count = len(surface.asked)
                 message = f"{count} socket{'s' * (count > 1)} measured through Cycles: {names}"
-                self.findings.append(Finding("measured", "info", surface.name, message))
+                self.findings.append(Finding("measured", "info", surface.full.name, message))
             if self.shading == "clay" and surface.transmits:
                 message = "lets light pass; as clay it is opaque"
-                self.findings.append(Finding("clay-opaque", "warning", surface.name, message))
+                self.findings.append(Finding("clay-opaque", "warning", surface.full.name, message))
         return self._surfaces[key]
 
     def _instance(
@@ -257,30 +247,26 @@ class Reader:
 
     def _material(self, surface: Surface, facts: _Facts, proxy: bool) -> int:
         """Return the index of the surface's material, as it is on this object."""
-        material = clay(surface) if self.shading == "clay" else full(surface)
         records = tuple(Unsupported("object", facts.name, f) for f in facts.features)
         self.unsupported.extend(records)
-        key = (surface.name, surface, records, proxy, facts.held_out)
+        key = (surface, records, proxy, facts.held_out)
         if key not in self._material_index:
             self._material_index[key] = len(self.materials)
-            self.materials.append(self._on_object(material, facts, records, proxy))
+            material = surface.clay if self.shading == "clay" else surface.full
+            if proxy and material.emits:
+                black = (0.0, 0.0, 0.0)
+                material = replace(
+                    material, emission=black, emission_texture=None, emission_known=False
+                )
+            own = replace(
+                material,
+                opaque=material.opaque and not proxy and not facts.transparent,
+                closures=() if facts.held_out else material.closures,
+                held_out=facts.held_out,
+                unsupported=material.unsupported + records,
+            )
+            self.materials.append(own)
         return self._material_index[key]
-
-    def _on_object(
-        self, material: Material, facts: _Facts, records: tuple[Unsupported, ...], proxy: bool
-    ) -> Material:
-        emits = material.emits or not material.emission_known
-        unknown = emits and proxy
-        return replace(
-            material,
-            emission=(0.0, 0.0, 0.0) if unknown else material.emission,
-            emission_texture=None if unknown else material.emission_texture,
-            emission_known=material.emission_known and not unknown,
-            opaque=material.opaque and not proxy and not facts.transparent,
-            closures=() if facts.held_out else material.closures,
-            held_out=facts.held_out,
-            unsupported=material.unsupported + records,
-        )
 
     def _proxy(self, shown: Any, facts: _Facts, feature: str, bounds: Bounds) -> Instance:
         """Return the bounding box of something that cannot be read."""
@@ -289,9 +275,7 @@ class Reader:
         surface = self._surface(next((s.material for s in shown.material_slots), None))
         return self._instance(shown, facts, len(self.meshes) - 1, [surface], proxy=True)
 
-    def read_light(
-        self, shown: Any, world: NDArray[np.float64], real: Any = None, parent: Any = None
-    ) -> None:
+    def read_light(self, shown: Any, world: Floats, real: Any = None, parent: Any = None) -> None:
         """Add a light object at `world` (4, 4), that of `real` under an instancer if given."""
         facts = self._facts(shown, real or shown, parent or shown)
         if not any(facts.visible.values()):
@@ -320,17 +304,9 @@ class Reader:
         for note in light.notes:
             self.findings.append(Finding(note, "warning", facts.name, NOTES[note]))
 
-    def _record(
-        self, bl_object: Any, name: str, world: NDArray[np.float64], **visible: bool
-    ) -> LightRecord:
-        record = light_record(
-            bl_object,
-            name,
-            world,
-            unit_scale_m=self.unit_scale_m,
-            version=blender_version(),
-            **visible,
-        )
+    def _record(self, bl_object: Any, name: str, world: Floats, **seen: bool) -> LightRecord:
+        scale, version = self.unit_scale_m, bpy.app.version
+        record = light_record(bl_object, name, world, unit_scale_m=scale, version=version, **seen)
         self.records.append(record)
         return record
 
@@ -344,12 +320,6 @@ class Reader:
 
     def _left_out(self, name: str, why: str) -> None:
         self.findings.append(Finding("not-finite", "warning", name, f"left out: {why}"))
-
-
-def blender_version() -> tuple[int, int, int]:
-    """Return such as (4, 5, 15)."""
-    major, minor, patch = bpy.app.version
-    return (major, minor, patch)
 
 
 def _adaptive(shown: Any, scene: Any) -> bool:
@@ -369,11 +339,6 @@ def _culled(shown: Any, scene: Any) -> bool:
         return False
     by_camera = scene.cycles.use_camera_cull and shown.cycles.use_camera_cull
     return bool(by_camera or (scene.cycles.use_distance_cull and shown.cycles.use_distance_cull))
-
-
-def _bounds(shown: Any) -> Bounds:
-    corners = np.array([tuple(corner) for corner in shown.bound_box], dtype=np.float64)
-    return corners.min(axis=0), corners.max(axis=0)
 
 
 def _hair_bounds(shown: Any) -> Bounds | None:

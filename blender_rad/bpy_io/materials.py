@@ -18,7 +18,7 @@ from ..scene import CLAY_ALBEDO, Closure, Material, Unsupported
 from ..textures import Expression, constant, folded
 from . import nodes
 from .expressions import plain_properties
-from .nodes import BLACK, Ask, Leaf, Triple
+from .nodes import Ask, Leaf
 from .questions import Asking, Questions
 
 Shading = Literal["full", "clay"]
@@ -30,8 +30,17 @@ _TRANSPARENT = "ShaderNodeBsdfTransparent"
 _HOLDOUT = "ShaderNodeHoldout"
 _DIFFUSE = "ShaderNodeBsdfDiffuse"
 _ALWAYS_PASS = {"ShaderNodeBsdfRayPortal", "ShaderNodeScript"}
-_GLASS = {"ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"}
 _PRINCIPLED = "ShaderNodeBsdfPrincipled"
+# Closures by what they do, where one of these sockets is not 0.
+_GLASS = {
+    **dict.fromkeys(("ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"), ()),
+    _PRINCIPLED: ("Transmission Weight",),
+}
+_SUBSURFACE = {"ShaderNodeSubsurfaceScattering": (), _PRINCIPLED: ("Subsurface Weight",)}
+_GLOWING = {
+    **dict.fromkeys(("ShaderNodeEmission", "ShaderNodeScript"), ()),
+    "ShaderNodeVolumePrincipled": ("Emission Strength", "Blackbody Intensity"),
+}
 _BEYOND = ("Subsurface Weight", "Thin Film Thickness")  # what no closure here does, unless it is 0
 _LAYERS = (*_BEYOND, "Coat Weight", "Sheen Weight")  # what starts like them counts unless it is 0
 _ABOVE_EMISSION = ("Alpha", "Coat", "Sheen", "Normal")
@@ -54,98 +63,47 @@ class Surface:
 
     Attributes
     ----------
-    name : of the material.
-    albedo, albedo_texture : (3,) of the constant Lambert parts, and of those that vary.
-    emission, emission_texture : (3,) constant radiance [W/(m² sr)], and what varies.
+    full : with all that it does; what cannot be evaluated is unsupported.
     reflects : whether any closure does something else than emit.
     unknown_emission : what emits in a way that is not known; empty when nothing does.
-    unknown_volume_emission : the same for the volume.
-    features : closures and settings that are not Lambert.
-    transmittance, transmittance_texture : (3,) what passes it straight, and what of that varies.
-    passes_shadow : whether shadow rays pass it in a way that is not known.
     transmits : whether light may pass it, in whatever way: what clay closes.
-    glass : whether it passes bent.
-    subsurface, displaced : whether Cycles leaves the normals in object space for it.
-    closures : what reflects or lets through, and is not Lambert.
-    normal : what the shading normal is, where displacement bends it.
-    holdout, holdout_texture : (3,) what is held out, and what of that varies.
+    moved : whether Cycles leaves the normals in object space for it.
     asked : sockets whose values Blender is asked for.
     """
 
-    name: str
-    albedo: Triple = BLACK
-    emission: Triple = BLACK
-    reflects: bool = False
+    full: Material
+    reflects: bool = True
     unknown_emission: str = ""
-    unknown_volume_emission: str = ""
-    features: tuple[str, ...] = ()
-    transmittance: Triple = BLACK
-    passes_shadow: bool = False
     transmits: bool = False
-    glass: bool = False
-    subsurface: bool = False
-    displaced: bool = False
-    albedo_texture: Expression | None = None
-    emission_texture: Expression | None = None
-    transmittance_texture: Expression | None = None
-    closures: tuple[Closure, ...] = ()
-    normal: Expression | None = None
-    holdout: Triple = BLACK
-    holdout_texture: Expression | None = None
+    moved: bool = False
     asked: tuple[str, ...] = ()
 
     @property
     def may_emit(self) -> bool:
         """Whether its surface emits, as far as is known."""
-        known = self.emission != BLACK or self.emission_texture is not None
-        return known or bool(self.unknown_emission)
+        return self.full.emits or bool(self.unknown_emission)
+
+    @property
+    def clay(self) -> Material:
+        """Lambert 0.8 and opaque, with the emission kept; no bump, displacement and volume.
+
+        Only what purely emits does not reflect.
+        """
+        unknown = self.unknown_emission
+        return Material(
+            name=self.full.name,
+            albedo=nodes.grey(0.0 if self.may_emit and not self.reflects else CLAY_ALBEDO),
+            emission=self.full.emission,
+            emission_texture=self.full.emission_texture,
+            emission_known=not unknown,
+            unsupported=(Unsupported("material", self.full.name, unknown),) if unknown else (),
+        )
 
 
 def read_material(bl_material: Any | None, shading: Shading) -> Material:
     """Return the material as the estimator sees it; None is an empty slot."""
     surface = surface_of(bl_material)
-    return clay(surface) if shading == "clay" else full(surface)
-
-
-def full(surface: Surface) -> Material:
-    """Return the material with what it does; what is not Lambert or constant is unsupported."""
-    emission = surface.unknown_emission or surface.unknown_volume_emission
-    features = dict.fromkeys((*surface.features, *filter(None, [emission])))
-    return Material(
-        name=surface.name,
-        albedo=surface.albedo,
-        albedo_texture=surface.albedo_texture,
-        emission=surface.emission,
-        emission_texture=surface.emission_texture,
-        opaque=not surface.passes_shadow,
-        transmittance=surface.transmittance,
-        transmittance_texture=surface.transmittance_texture,
-        closures=surface.closures,
-        normal=surface.normal,
-        holdout=surface.holdout,
-        holdout_texture=surface.holdout_texture,
-        glass=surface.glass,
-        measured=bool(surface.asked),
-        emission_known=not emission,
-        unsupported=tuple(Unsupported("material", surface.name, f) for f in features),
-    )
-
-
-def clay(surface: Surface) -> Material:
-    """Return the material as clay: Lambert 0.8 and opaque, with its emission kept.
-
-    Only what purely emits does not reflect. Bump, displacement and volume are gone.
-    """
-    reflects = surface.reflects or not surface.may_emit
-    unknown = surface.unknown_emission
-    return Material(
-        name=surface.name,
-        albedo=nodes.grey(CLAY_ALBEDO) if reflects else BLACK,
-        emission=surface.emission,
-        emission_texture=surface.emission_texture,
-        emission_known=not unknown,
-        unsupported=(Unsupported("material", surface.name, unknown),) if unknown else (),
-    )
+    return surface.clay if shading == "clay" else surface.full
 
 
 def surface_of(bl_material: Any | None, questions: Questions | None = None) -> Surface:
@@ -154,24 +112,23 @@ def surface_of(bl_material: Any | None, questions: Questions | None = None) -> S
     `questions` notes what Blender is to be asked; None asks it nothing.
     """
     if bl_material is None:
-        return _empty_slot()
+        return Surface(_empty_slot())
     if not nodes.uses_nodes(bl_material):
         r, g, b, _ = bl_material.diffuse_color
-        return Surface(bl_material.name, albedo=(r, g, b), reflects=True)
+        return Surface(Material(bl_material.name, albedo=(r, g, b)))
     output = bl_material.node_tree.get_output_node("CYCLES")
     if output is None:
-        return Surface(bl_material.name)
+        return Surface(Material(bl_material.name), reflects=False)
     return _from_output(bl_material, output, questions and questions.about(bl_material))
 
 
-def _empty_slot() -> Surface:
+def _empty_slot() -> Material:
     if bpy.app.version < (5, 0):
-        return Surface(DEFAULT_NAME, albedo=nodes.grey(DEFAULT_ALBEDO), reflects=True)
+        return Material(DEFAULT_NAME, albedo=nodes.grey(DEFAULT_ALBEDO))
     inputs = {name: constant(value) for name, value in _PRINCIPLED_DEFAULTS.items()}
     inputs["Coat Normal"] = _SHADING_NORMAL
-    settings = {"distribution": "MULTI_GGX"}
-    plain = Closure(_PRINCIPLED, nodes.WHOLE, inputs, settings)
-    return Surface(DEFAULT_NAME, reflects=True, closures=(plain,))
+    plain = Closure(_PRINCIPLED, nodes.WHOLE, inputs, {"distribution": "MULTI_GGX"})
+    return Material(DEFAULT_NAME, closures=(plain,))
 
 
 def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
@@ -185,42 +142,49 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     corrected = getattr(bl_material.cycles, "use_bump_map_correction", True)
     shaded = [_shaded(leaf, corrected, ask) for leaf in others]
     glowing = [(leaf, _emission(leaf)) for leaf in closures]
-    unknown = [nodes.feature(leaf) for leaf, rgb in glowing if rgb is None]
+    passing = [_transmittance(leaf) for leaf in closures]
+    passes = any(rgb is None or not nodes.is_zero(rgb) for rgb in passing)
+    half = passes and not bl_material.use_transparent_shadow  # Cycles' BSDF sampling sees through
+    held = (leaf.weight for leaf in others if leaf.node.bl_idname == _HOLDOUT)
+    glass = any(_does(leaf, _GLASS) for leaf in closures)
+    unknown = [f"Emission of {nodes.feature(leaf)}" for leaf, rgb in glowing if rgb is None][:1]
+    dark = unknown or ["Volume emission"] * any(_does(leaf, _GLOWING) for leaf in volume)
     features = [each for each in shaded if isinstance(each, str)]
     features += ["Volume"] * bool(volume)
     features += ["Displacement"] * displaced
     features += ["Bump from displacement"] * (height and not displaced and normal is None)
-    passing = [_transmittance(leaf) for leaf in closures]
-    passes = any(rgb is None or not nodes.is_zero(rgb) for rgb in passing)
-    glass = any(map(_is_glass, closures))
-    half = passes and not bl_material.use_transparent_shadow  # Cycles' BSDF sampling sees through
     albedo, albedo_texture = nodes.split(each for each in shaded if isinstance(each, Expression))
     emission, emission_texture = nodes.split(rgb for _, rgb in glowing if rgb)
     transmittance, transmittance_texture = nodes.split(rgb for rgb in passing if rgb)
-    held = (leaf.weight for leaf in others if leaf.node.bl_idname == _HOLDOUT)
     holdout, holdout_texture = nodes.split(weight for weight in held if weight)
-    return Surface(
-        name=bl_material.name,
+    name, asked = bl_material.name, tuple(ask.names) if ask else ()
+    material = Material(
+        name=name,
         albedo=albedo,
         albedo_texture=albedo_texture,
         emission=emission,
         emission_texture=emission_texture,
-        reflects=bool(others),
-        unknown_emission=f"Emission of {unknown[0]}" if unknown else "",
-        unknown_volume_emission="Volume emission" if any(map(_volume_emits, volume)) else "",
-        features=tuple(features),
+        emission_known=not dark,
+        opaque=not (None in passing or half or volume or displaced),
         transmittance=transmittance,
         transmittance_texture=transmittance_texture,
-        holdout=holdout,
-        holdout_texture=holdout_texture,
-        passes_shadow=None in passing or half or bool(volume) or displaced,
-        transmits=passes or bool(volume) or glass,
-        glass=glass,
-        subsurface=any(map(_subsurface, closures)),
-        displaced=displaced,
         closures=tuple(each for each in shaded if isinstance(each, Closure)),
         normal=normal,
-        asked=tuple(ask.names) if ask else (),
+        holdout=holdout,
+        holdout_texture=holdout_texture,
+        glass=glass,
+        measured=bool(asked),
+        unsupported=tuple(
+            Unsupported("material", name, feature) for feature in dict.fromkeys(features + dark)
+        ),
+    )
+    return Surface(
+        full=material,
+        reflects=bool(others),
+        unknown_emission="".join(unknown),
+        transmits=passes or bool(volume) or glass,
+        moved=displaced or any(_does(leaf, _SUBSURFACE) for leaf in closures),
+        asked=asked,
     )
 
 
@@ -299,7 +263,7 @@ def _transmittance(leaf: Leaf) -> Expression | None:
         rgb = nodes.read(leaf.node.inputs["Color"], leaf.groups)
     elif kind == _PRINCIPLED:
         alpha = _clipped(nodes.read(leaf.node.inputs["Alpha"], leaf.groups))
-        thin = nodes.input_number(leaf, "Thin Wall") != 0.0 and _is_glass(leaf)
+        thin = nodes.input_number(leaf, "Thin Wall") != 0.0 and _does(leaf, _GLASS)
         rgb = None if alpha is None or thin else alpha * constant(-1.0) + nodes.WHOLE
     else:
         return nodes.NOTHING
@@ -312,20 +276,7 @@ def _clipped(value: Expression | None) -> Expression | None:
     return value and folded(Expression("CLIP", inputs={"a": value}))
 
 
-def _is_glass(leaf: Leaf) -> bool:
-    if leaf.node.bl_idname == _PRINCIPLED:
-        return nodes.input_number(leaf, "Transmission Weight") != 0.0
-    return leaf.node.bl_idname in _GLASS
-
-
-def _subsurface(leaf: Leaf) -> bool:
-    if leaf.node.bl_idname == _PRINCIPLED:
-        return nodes.input_number(leaf, "Subsurface Weight") != 0.0
-    return leaf.node.bl_idname == "ShaderNodeSubsurfaceScattering"
-
-
-def _volume_emits(leaf: Leaf) -> bool:
-    if leaf.node.bl_idname == "ShaderNodeVolumePrincipled":
-        glow = [nodes.input_number(leaf, n) for n in ("Emission Strength", "Blackbody Intensity")]
-        return glow != [0.0, 0.0]
-    return leaf.node.bl_idname in {"ShaderNodeEmission", "ShaderNodeScript"}
+def _does(leaf: Leaf, kinds: dict[str, tuple[str, ...]]) -> bool:
+    """Return whether a closure is of one of `kinds`, with any of the sockets it needs not 0."""
+    sockets = kinds.get(leaf.node.bl_idname)
+    return sockets == () or any(nodes.input_number(leaf, name) != 0.0 for name in sockets or ())

@@ -15,10 +15,9 @@ import bpy
 from ..errors import Finding, RadError, unknown_name
 from ..quantities import GLTF_LM_W
 from .interrupt import interrupt_later
-from .quiet import quiet_stdout
+from .quiet import quiet_stdout, told
 
 GLTF = {".glb", ".gltf"}
-FRAMES = (-1048574, 1048574)  # Blender's own range
 SOURCE_KEY = "source_file"  # on imported scenes, which have no .blend
 
 
@@ -35,30 +34,25 @@ def open_scene(
     """Open a .blend, or import a .glb or .gltf into an empty file, and return its bpy.types.Scene.
 
     Scripts in the file do not run. The view layer chosen becomes the only one that renders.
-
-    Parameters
-    ----------
-    frame, camera, scene, view_layer : None keeps the file's.
-    need_camera : whether a scene without an active camera is an error.
-    load_ui : whether to keep the file's own windows, for a copy to be saved.
+    `load_ui` keeps the file's own windows, for a copy to be saved.
 
     Raises
     ------
     RadError
-        For a file that is missing or not a scene, an unknown name, a frame out of range.
+        For a file that cannot be read, an unknown name, a missing camera.
     """
     file = Path(path)
-    if not file.is_file():
-        what = "a folder" if file.is_dir() else "no such file"
-        raise RadError(what, str(file), "expected a .blend, .glb or .gltf file")
-    if frame is not None and not FRAMES[0] <= frame <= FRAMES[1]:
-        expected = "expected {} to {}".format(*FRAMES)
-        raise RadError(f"frame {frame} out of range", str(file), expected)
     _load(file, load_ui)
     context: Any = bpy.context
-    bl_scene = _choose("scene", scene, bpy.data.scenes, str(file)) or context.scene
-    _choose_view_layer(bl_scene, view_layer, str(file))
-    _choose_camera(bl_scene, camera, str(file))
+    where = str(file)
+    bl_scene = _choose("scene", scene, bpy.data.scenes, where) or context.scene
+    if _choose("view layer", view_layer, bl_scene.view_layers, where):
+        for layer in bl_scene.view_layers:
+            layer.use = layer.name == view_layer
+    if chosen := _choose("camera", camera, _cameras(bl_scene), where):
+        bl_scene.camera = chosen
+        for marker in bl_scene.timeline_markers:  # which would switch to another
+            marker.camera = None
     if frame is not None:
         with quiet_stdout():
             bl_scene.frame_set(frame)
@@ -82,8 +76,8 @@ def _load(file: Path, load_ui: bool) -> None:
                 bpy.ops.wm.open_mainfile(filepath=path, load_ui=load_ui, use_scripts=False)
     except RuntimeError as error:
         kind = "a glTF 2.0 file" if imported else "a .blend file that Blender can read"
-        said = " ".join(str(error).split()).removeprefix("Error: ")
-        raise RadError("cannot read the file", str(file), f"expected {kind} ({said})") from error
+        expected = f"expected {kind} ({told(error)})"
+        raise RadError("cannot read the file", str(file), expected) from error
     if imported:
         context: Any = bpy.context
         context.scene[SOURCE_KEY] = str(file)
@@ -113,26 +107,10 @@ def _default_intensities(file: Path) -> None:
 
 
 def _choose(kind: str, name: str | None, known: Any, where: str) -> Any | None:
-    if name is None:
-        return None
     named = {item.name: item for item in known}
-    if name not in named:
+    if name is not None and name not in named:
         raise unknown_name(kind, name, where, list(named))
-    return named[name]
-
-
-def _choose_view_layer(bl_scene: Any, name: str | None, where: str) -> None:
-    if _choose("view layer", name, bl_scene.view_layers, where) is not None:
-        for layer in bl_scene.view_layers:
-            layer.use = layer.name == name
-
-
-def _choose_camera(bl_scene: Any, name: str | None, where: str) -> None:
-    """Make a camera the active one, also where markers would switch to another."""
-    if chosen := _choose("camera", name, _cameras(bl_scene), where):
-        bl_scene.camera = chosen
-        for marker in bl_scene.timeline_markers:
-            marker.camera = None
+    return named.get(name)
 
 
 def _cameras(bl_scene: Any) -> list[Any]:
@@ -141,34 +119,29 @@ def _cameras(bl_scene: Any) -> list[Any]:
 
 def file_findings() -> list[Finding]:
     """Return what the open file misses or keeps from running."""
-    found = {
-        "blocked-driver": _blocked_drivers(),
-        "missing-library": _missing_libraries(),
-        "missing-image": _missing_images(),
-    }
-    return [Finding(code, "warning", *said) for code, each in found.items() for said in each]
+    found = (*_blocked_drivers(), *_missing_files())
+    return [Finding(code, "warning", name, message) for code, name, message in found]
 
 
-def _blocked_drivers() -> Iterator[tuple[str, str]]:
+def _blocked_drivers() -> Iterator[tuple[str, str, str]]:
     for block in bpy.data.user_map():
         trees = (block, getattr(block, "node_tree", None))
         for animation in filter(None, (getattr(tree, "animation_data", None) for tree in trees)):
             for curve in animation.drivers:
                 if curve.driver.type == "SCRIPTED" and not curve.driver.is_valid:
                     why = "cannot run without scripts or fails; its value may be 0"
-                    yield block.name, f"the driver of {curve.data_path} {why}"
+                    said = f"the driver of {curve.data_path} {why}"
+                    yield "blocked-driver", block.name, said
 
 
-def _missing_libraries() -> Iterator[tuple[str, str]]:
+def _missing_files() -> Iterator[tuple[str, str, str]]:
+    gone = "does not exist"
     for library in bpy.data.libraries:
         if not Path(bpy.path.abspath(library.filepath)).is_file():
-            yield library.name, f"{library.filepath} does not exist"
-
-
-def _missing_images() -> Iterator[tuple[str, str]]:
+            yield "missing-library", library.name, f"{library.filepath} {gone}"
     for image in bpy.data.images:
         if image.source != "FILE" or image.packed_file or not image.users or not image.filepath:
             continue
         if not Path(bpy.path.abspath(image.filepath, library=image.library)).is_file():
-            pink = "surfaces with it look as in Cycles (pink)"
-            yield image.name, f"{image.filepath} does not exist; {pink}"
+            said = f"{image.filepath} {gone}; surfaces with it look as in Cycles (pink)"
+            yield "missing-image", image.name, said

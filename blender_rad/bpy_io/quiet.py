@@ -42,6 +42,11 @@ def quiet_stdout(*, errors: bool = False) -> Generator[None]:
                 log.debug("blender: %s", line)
 
 
+def told(error: RuntimeError) -> str:
+    """Return what an operator says in its exception, as one line."""
+    return " ".join(str(error).split()).removeprefix("Error: ")
+
+
 def silence_exit() -> None:
     """Drop what is written to descriptor 1 from now on: Blender's last words at exit."""
     _flush()

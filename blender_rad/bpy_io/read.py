@@ -17,7 +17,7 @@ from ..lights import Model, SkyMap
 from ..scene import Scene
 from ..working_space import WORKING_SPACES, luminance_weights
 from .cameras import read_camera
-from .instances import Reader, blender_version
+from .instances import Reader
 from .materials import Shading
 from .measuring import measure
 from .open import SOURCE_KEY, file_findings
@@ -101,7 +101,7 @@ def read_depsgraph(
         working_space=space,
         chromaticities=WORKING_SPACES[space],
         luminance_weights=luminance_weights(WORKING_SPACES[space]),
-        blender_version=blender_version(),
+        blender_version=bpy.app.version,
         transparent_max_bounces=bl_scene.cycles.transparent_max_bounces,
         unknown_lights=tuple(reader.unknown_lights),
         light_records=tuple(reader.records),

@@ -9,42 +9,36 @@ from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RadError
+from ..exr import read_planes
 from .clay import make_clay
 from .interrupt import interrupt_later
 from .materials import Shading
-from .quiet import quiet_stdout
+from .quiet import quiet_stdout, told
 
 WitnessSettings = Literal["reference", "file"]
 Progress = Callable[[float], None]
+Pictures = NDArray[np.float32]
 
 _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
+
+
+def _each(form: str, names: str, value: Any) -> dict[str, Any]:
+    return {form.format(name): value for name in names.split()}
+
 
 # What makes the picture one view of the scene at rest in float32, whoever's sampling it has.
 _ALWAYS: dict[str, Any] = {
     "render.engine": "CYCLES",
     "render.use_persistent_data": True,  # see `CyclesWitness.render`
-    **dict.fromkeys(
-        (
-            f"render.use_{name}"
-            for name in (
-                "compositing",
-                "sequencer",
-                "motion_blur",
-                "multiview",
-                "freestyle",
-                "stamp",
-                "crop_to_border",
-            )
-        ),
-        False,
-    ),
+    **_each("render.use_{}", "compositing sequencer motion_blur multiview freestyle stamp", False),
+    "render.use_crop_to_border": False,
     "render.image_settings.media_type": "IMAGE",  # from Blender 5
     "render.image_settings.file_format": "OPEN_EXR",
     "render.image_settings.color_mode": "RGBA",
@@ -65,47 +59,12 @@ _ALWAYS: dict[str, Any] = {
 # and 8 seeds z² of a frame was 3.1 where 1.4 is due; blue noise kept to it). Pixel jitter is from
 # Blender 5.
 _REFERENCE: dict[str, Any] = {
-    **dict.fromkeys(
-        (
-            f"cycles.{kind}_bounces"
-            for kind in (
-                "max",
-                "diffuse",
-                "glossy",
-                "transmission",
-                "volume",
-            )
-        ),
-        0,
-    ),
-    **dict.fromkeys(
-        (
-            f"cycles.{name}"
-            for name in (
-                "use_fast_gi",
-                "use_denoising",
-                "use_adaptive_sampling",
-                "use_guiding",
-                "use_pixel_jitter",
-                "auto_scrambling_distance",
-                "use_camera_cull",
-                "use_distance_cull",
-            )
-        ),
-        False,
-    ),
-    **dict.fromkeys(
-        (
-            f"cycles.{name}"
-            for name in (
-                "sample_clamp_direct",
-                "sample_clamp_indirect",
-                "light_sampling_threshold",
-                "time_limit",
-            )
-        ),
-        0.0,
-    ),
+    **_each("cycles.{}_bounces", "max diffuse glossy transmission volume", 0),
+    **_each("cycles.use_{}", "fast_gi denoising adaptive_sampling guiding pixel_jitter", False),
+    **_each("cycles.use_{}_cull", "camera distance", False),
+    **_each("cycles.sample_clamp_{}", "direct indirect", 0.0),
+    **_each("cycles.{}", "light_sampling_threshold time_limit", 0.0),
+    "cycles.auto_scrambling_distance": False,
     "cycles.film_exposure": 1.0,
     "cycles.pixel_filter_type": "BOX",
     "cycles.sampling_pattern": "BLUE_NOISE",
@@ -127,15 +86,6 @@ BIASING = {
     "pixel-filter": ("cycles.pixel_filter_type",),
     "film-exposure": ("cycles.film_exposure",),
 }
-
-
-class TakenBack(NamedTuple):
-    """A setting of the file, and the same seeds' pictures (s, h, w, 3) with and without it."""
-
-    code: str
-    own: Mapping[str, Any]
-    before: NDArray[np.float32]
-    after: NDArray[np.float32]
 
 
 @dataclass
@@ -190,24 +140,24 @@ class CyclesWitness:
         setattr(self.bl_scene.path_resolve(path), name, value)
 
     def taken_back(
-        self, pictures: NDArray[np.float32], samples: int, kept: Collection[str] = ()
-    ) -> Iterator[TakenBack]:
+        self, pictures: Pictures, samples: int, kept: Collection[str] = ()
+    ) -> Iterator[tuple[str, dict[str, Any], Pictures, Pictures]]:
         """Take back the file's settings that change the light, one after the other, for good.
 
-        Those whose code is in `kept` stay.
-        `pictures` (s, h, w, 3) are of the seeds 1 to s with all of them: what each does adds up to
-        what they all do.
+        Yield the code of each, the file's own values, and the same seeds' pictures (s, h, w, 3)
+        with and without it. Those whose code is in `kept` stay. `pictures` are of the seeds 1 to s
+        with all of them: what each does adds up to what they all do.
         """
         for code, settings in BIASING.items():
-            if code in kept:
+            own = {setting: self.kept[setting] for setting in settings if setting in self.kept}
+            if not own or code in kept:
                 continue
-            if own := {setting: self.kept[setting] for setting in settings if setting in self.kept}:
-                for setting, (_, unbiased) in own.items():
-                    self._set(setting, unbiased)
-                seeds = range(1, len(pictures) + 1)
-                after = np.stack([self.render(seed, samples)[..., :3] for seed in seeds])
-                yield TakenBack(code, {s: value for s, (value, _) in own.items()}, pictures, after)
-                pictures = after
+            for setting, (_, unbiased) in own.items():
+                self._set(setting, unbiased)
+            seeds = range(1, len(pictures) + 1)
+            after = np.stack([self.render(seed, samples)[..., :3] for seed in seeds])
+            yield code, {setting: value for setting, (value, _) in own.items()}, pictures, after
+            pictures = after
 
     def _differing(self, wanted: Mapping[str, Any]) -> Iterator[tuple[str, tuple[Any, Any]]]:
         """Yield settings of this Blender that are not as wanted, each with both values."""
@@ -261,52 +211,39 @@ class CyclesWitness:
     ) -> dict[str, NDArray[np.float32]]:
         self.bl_scene.cycles.seed, self.bl_scene.cycles.samples = seed, samples
         self.bl_scene.update_tag()
-        with tempfile.TemporaryDirectory() as folder, interrupt_later(), _progress(progress):
+        with tempfile.TemporaryDirectory() as folder, interrupt_later():
             file = Path(folder) / "witness.exr"
             with quiet_stdout():
-                self._render_to(file)
-            return _read(file)
+                self._render_to(file, progress)
+            return read_planes(file)[0]
 
-    def _render_to(self, file: Path) -> None:
-        where, handlers = f"scene {self.bl_scene.name!r}", bpy.app.handlers.render_complete
+    def _render_to(self, file: Path, progress: Progress | None) -> None:
+        where = f"scene {self.bl_scene.name!r}"
         finished: list[object] = []
-        handlers.append(note := lambda *said: finished.append(said))
-        try:
-            bpy.ops.render.render(scene=self.bl_scene.name)
-        except RuntimeError as error:
-            said = " ".join(str(error).split()).removeprefix("Error: ")
-            raise RadError("Cycles cannot render", where, f"it says: {said}") from error
-        finally:
-            handlers.remove(note)
+
+        def said(stats: object, *_: object) -> None:
+            if progress and (found := _SAMPLE.search(str(stats))):
+                progress(int(found[1]) / int(found[2]))
+
+        handlers = bpy.app.handlers
+        with (
+            _handled(handlers.render_stats, said),
+            _handled(handlers.render_complete, lambda *_: finished.append(True)),
+        ):
+            try:
+                bpy.ops.render.render(scene=self.bl_scene.name)
+            except RuntimeError as error:
+                raise RadError("Cycles cannot render", where, f"it says: {told(error)}") from error
         if not finished:
             raise RadError("Cycles stopped before the picture was done", where, "expected it whole")
         result = next(i for i in bpy.data.images if i.type == 'RENDER_RESULT')
         result.save_render(str(file), scene=self.bl_scene)
 
 
-def _read(file: Path) -> dict[str, NDArray[np.float32]]:
-    """Return the channels (h, w) of all parts of a file by name."""
-    import OpenEXR
-
-    with OpenEXR.File(str(file), separate_channels=True) as exr:
-        found = [pair for part in exr.parts for pair in part.channels.items()]
-        return {name: channel.pixels.copy() for name, channel in found}
-
-
 @contextmanager
-def _progress(report: Progress | None) -> Generator[None]:
-    """Pass on what Cycles says about its samples."""
-    if report is None:
-        yield
-        return
-
-    def listen(said: object, *_: object) -> None:
-        if found := _SAMPLE.search(str(said)):
-            report(int(found[1]) / int(found[2]))
-
-    handlers = bpy.app.handlers.render_stats
-    handlers.append(listen)
+def _handled(handlers: Any, listener: Callable[..., object]) -> Generator[None]:
+    handlers.append(listener)
     try:
         yield
     finally:
-        handlers.remove(listen)
+        handlers.remove(listener)

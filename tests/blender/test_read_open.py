@@ -13,7 +13,6 @@ import pytest
 
 from blender_rad.bpy_io.open import open_scene
 from blender_rad.bpy_io.read import read_scene
-from blender_rad.errors import RadError
 
 from .reading import SQUARE, add, camera, empty_scene, polygons
 
@@ -33,15 +32,6 @@ def file(tmp_path: Path) -> Path:
     bpy.context.scene.view_layers.new("Other")
     bpy.context.scene.name = "Main"
     return saved(tmp_path)
-
-
-@pytest.mark.parametrize("frame", [-1048575, 1048575, None])
-def test_what_the_program_never_asks_for_is_refused_too(
-    frame: int | None, file: Path, tmp_path: Path
-) -> None:
-    """The rest of what is refused: see `test_contract_render`."""
-    with pytest.raises(RadError, match="no such file" if frame is None else "out of range"):
-        open_scene(tmp_path / "none.blend" if frame is None else file, frame=frame)
 
 
 def test_choices_are_read(file: Path) -> None:
