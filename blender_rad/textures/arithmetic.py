@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that calculate with numbers and vectors."""
+"""Nodes that calculate with numbers and vectors. What has no value, such as 0/0, becomes 0."""
 
 from __future__ import annotations
 
@@ -7,74 +7,54 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ._base import TEXTURES, Array, Call, clip, divided, dot, unit
+from . import TEXTURES, Array, Call, clip, divided, dot, register, smoothstep, unit
+
+Operation = Callable[[Array, Array, Array], Array]
 
 
-@TEXTURES.register("VALUE")
-def _value(call: Call) -> Array:
-    return np.asarray(call.settings["value"], dtype=np.float64)
-
-
-@TEXTURES.register("MULTIPLY")
-def _product(call: Call) -> Array:
-    return call["a"] * call["b"]
-
-
-@TEXTURES.register("ADD")
-def _sum(call: Call) -> Array:
-    return call["a"] + call["b"]
-
-
-@TEXTURES.register("CLIP")
-def _factor(call: Call) -> Array:
-    return clip(call["a"])
-
-
-@TEXTURES.register("CONVERT")
 def _converted(call: Call) -> Array:
     """Return what a link between sockets of different types gives: `weights` times what comes."""
     weights = np.asarray(call.settings["weights"], dtype=np.float64)
     return call["a"] @ weights[:, None] if len(weights) == 3 else np.tile(call["a"], (1, 3))
 
 
-def _wrap(a: Array, b: Array, c: Array) -> Array:
-    span = b - c
-    return np.where(span != 0.0, a - span * np.floor(divided(a - c, span)), c)
+def _component(call: Call) -> Array:
+    k = "XYZ".index(call.output)
+    return call["Vector"][:, k : k + 1]
 
 
-def _pingpong(a: Array, b: Array) -> Array:
-    period = divided(a - b, b * 2.0)
-    return np.where(b != 0.0, np.abs((period - np.floor(period)) * b * 2.0 - b), 0.0)
-
-
-def _power(a: Array, b: Array) -> Array:
-    return np.where((a < 0.0) & (b != np.floor(b)), 0.0, np.power(a, b))
+register(
+    {
+        "VALUE": lambda call: np.asarray(call.settings["value"], dtype=np.float64),
+        "MULTIPLY": lambda call: call["a"] * call["b"],
+        "ADD": lambda call: call["a"] + call["b"],
+        "CLIP": lambda call: clip(call["a"]),
+        "CONVERT": _converted,
+        "ShaderNodeSeparateXYZ": _component,
+        "ShaderNodeCombineXYZ": lambda call: call.columns("X", "Y", "Z"),
+    }
+)
 
 
 def _smooth_minimum(a: Array, b: Array, c: Array) -> Array:
-    h = np.where(c != 0.0, np.maximum(c - np.abs(a - b), 0.0) / np.where(c == 0.0, 1.0, c), 0.0)
-    return np.minimum(a, b) - h**3 * c / 6.0
+    return np.minimum(a, b) - divided(np.maximum(c - np.abs(a - b), 0.0), c) ** 3 * c / 6.0
 
 
-def _compare(a: Array, b: Array, c: Array) -> Array:
-    return (np.abs(a - b) <= np.maximum(c, np.finfo(np.float32).eps)).astype(float)
-
-
-OF_BOTH: dict[str, Callable[..., Array]] = {
+OF_BOTH: dict[str, Operation] = {
     "ADD": lambda a, b, c: a + b,
     "SUBTRACT": lambda a, b, c: a - b,
     "MULTIPLY": lambda a, b, c: a * b,
     "DIVIDE": lambda a, b, c: divided(a, b),
     "MULTIPLY_ADD": lambda a, b, c: a * b + c,
-    "POWER": lambda a, b, c: _power(a, b),
+    "POWER": lambda a, b, c: a**b,
     "ABSOLUTE": lambda a, b, c: np.abs(a),
     "MINIMUM": lambda a, b, c: np.minimum(a, b),
     "MAXIMUM": lambda a, b, c: np.maximum(a, b),
     "FLOOR": lambda a, b, c: np.floor(a),
     "CEIL": lambda a, b, c: np.ceil(a),
-    "MODULO": lambda a, b, c: np.where(b != 0.0, np.fmod(a, np.where(b == 0.0, 1.0, b)), 0.0),
+    "MODULO": lambda a, b, c: np.fmod(a, b),
     "SNAP": lambda a, b, c: np.floor(divided(a, b)) * b,
-    "WRAP": _wrap,
+    "WRAP": lambda a, b, c: np.where(b == c, c, a - (b - c) * np.floor((a - c) / (b - c))),
     "SINE": lambda a, b, c: np.sin(a),
     "COSINE": lambda a, b, c: np.cos(a),
     "TANGENT": lambda a, b, c: np.tan(a),
@@ -82,21 +62,21 @@ OF_BOTH: dict[str, Callable[..., Array]] = {
 }
 OF_NUMBERS = OF_BOTH | {
     "LOGARITHM": lambda a, b, c: np.where(
-        (a > 0.0) & (b > 0.0), divided(np.log(np.abs(a)), np.log(np.abs(b))), 0.0
+        (a > 0.0) & (b > 0.0), divided(np.log(a), np.log(b)), 0.0
     ),
-    "SQRT": lambda a, b, c: np.sqrt(np.maximum(a, 0.0)),
-    "INVERSE_SQRT": lambda a, b, c: np.where(a > 0.0, 1.0 / np.sqrt(np.abs(a)), 0.0),
+    "SQRT": lambda a, b, c: np.sqrt(a),
+    "INVERSE_SQRT": lambda a, b, c: np.where(a > 0.0, a**-0.5, 0.0),
     "EXPONENT": lambda a, b, c: np.exp(a),
     "LESS_THAN": lambda a, b, c: (a < b).astype(float),
     "GREATER_THAN": lambda a, b, c: (a > b).astype(float),
-    "COMPARE": _compare,
+    "COMPARE": lambda a, b, c: (np.abs(a - b) <= np.maximum(c, 2.0**-23)).astype(float),
     "SMOOTH_MIN": _smooth_minimum,
     "SMOOTH_MAX": lambda a, b, c: -_smooth_minimum(-a, -b, c),
     "ROUND": lambda a, b, c: np.floor(a + 0.5),
     "TRUNC": lambda a, b, c: np.trunc(a),
     "FRACT": lambda a, b, c: a - np.floor(a),
-    "FLOORED_MODULO": lambda a, b, c: np.where(b != 0.0, a - np.floor(divided(a, b)) * b, 0.0),
-    "PINGPONG": lambda a, b, c: _pingpong(a, b),
+    "FLOORED_MODULO": lambda a, b, c: a - np.floor(a / b) * b,
+    "PINGPONG": lambda a, b, c: np.abs((a - b) % (2.0 * b) - b),
     "ARCSINE": lambda a, b, c: np.arcsin(np.clip(a, -1.0, 1.0)),
     "ARCCOSINE": lambda a, b, c: np.arccos(np.clip(a, -1.0, 1.0)),
     "ARCTANGENT": lambda a, b, c: np.arctan(a),
@@ -146,21 +126,21 @@ def _clamp(call: Call) -> Array:
 @TEXTURES.register("ShaderNodeMapRange")
 def _map_range(call: Call) -> Array:
     vector = call.settings["data_type"] == "FLOAT_VECTOR"
-    start, end = ("_FLOAT3" if vector else " "), ("_FLOAT3" if vector else "")
-    value = call["Vector" if vector else "Value"]
-    names = ("From_Min", "From_Max", "To_Min", "To_Max")
-    low, high, first, last = (
-        call[name + end if vector else name.replace("_", start)] for name in names
-    )
-    share = divided(value - low, high - low)
+
+    def read(name: str) -> Array:
+        return call[f"{name.replace(' ', '_')}_FLOAT3" if vector else name]
+
+    low, high, first, last = map(read, ("From Min", "From Max", "To Min", "To Max"))
+    share = divided(call["Vector" if vector else "Value"] - low, high - low)
     match call.settings["interpolation_type"]:
         case "STEPPED":
-            steps = call["Steps" + end]
+            steps = read("Steps")
             share = np.where(steps > 0.0, divided(np.floor(share * (steps + 1.0)), steps), 0.0)
         case "SMOOTHSTEP":
-            share = clip(share) ** 2 * (3.0 - 2.0 * clip(share))
+            share = smoothstep(share)
         case "SMOOTHERSTEP":
-            share = clip(share) ** 3 * (clip(share) * (clip(share) * 6.0 - 15.0) + 10.0)
+            share = clip(share)
+            share = share**3 * (share * (share * 6.0 - 15.0) + 10.0)
         case _:
             pass
     found = first + share * (last - first)
@@ -173,18 +153,14 @@ def _map_range(call: Call) -> Array:
 
 @TEXTURES.register("ShaderNodeMapping")
 def _mapping(call: Call) -> Array:
-    vector, scale = call["Vector"], call["Scale"]
-    turn = _euler(call["Rotation"])
+    vector, scale, turn = call["Vector"], call["Scale"], _euler(call["Rotation"])
     match call.settings["vector_type"]:
-        case "POINT":
-            return _turned(turn, vector * scale) + call["Location"]
         case "TEXTURE":
-            back = np.swapaxes(turn, 1, 2)
-            return divided(_turned(back, vector - call["Location"]), scale)
-        case "VECTOR":
-            return _turned(turn, vector * scale)
-        case _:
+            return divided(_turned(np.swapaxes(turn, 1, 2), vector - call["Location"]), scale)
+        case "NORMAL":
             return unit(_turned(turn, divided(vector, scale)))
+        case kind:
+            return _turned(turn, vector * scale) + (call["Location"] if kind == "POINT" else 0.0)
 
 
 def _euler(angles: Array) -> Array:
@@ -200,17 +176,6 @@ def _euler(angles: Array) -> Array:
 
 def _turned(matrices: Array, vectors: Array) -> Array:
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
-
-
-@TEXTURES.register("ShaderNodeSeparateXYZ")
-def _separate(call: Call) -> Array:
-    k = "XYZ".index(call.output)
-    return call["Vector"][:, k : k + 1]
-
-
-@TEXTURES.register("ShaderNodeCombineXYZ")
-def _combine(call: Call) -> Array:
-    return np.concatenate(np.broadcast_arrays(call["X"], call["Y"], call["Z"]), axis=1)
 
 
 @TEXTURES.register("ShaderNodeNormal")

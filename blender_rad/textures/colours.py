@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ._base import TEXTURES, Array, Call, clip, divided
+from ..lights._emission import blackbody_rgb
+from . import TEXTURES, Array, Call, clip, divided, register
 
 BLENDS: dict[str, Callable[[Array, Array, Array], Array]] = {
     "MIX": lambda t, a, b: a + t * (b - a),
@@ -69,41 +70,18 @@ def _colour_ramp(call: Call) -> Array:
     return np.stack([_looked_up(table[:, k], at, step=step) for k in columns], axis=1)
 
 
-def _curved(call: Call, name: str, value: Array) -> Array:
+def _curved(call: Call, share: Array, value: Array) -> Array:
     (low, high), table = call.settings["range"], call.settings["table"]
-    at = (value - low) / (high - low)
-    beyond = call.settings["beyond"]
+    at, beyond = (value - low) / (high - low), call.settings["beyond"]
     columns = [_looked_up(table[:, k], at[:, k], beyond=beyond) for k in range(table.shape[1])]
-    return value + call[name] * (np.stack(columns, axis=1) - value)
+    return value + share * (np.stack(columns, axis=1) - value)
 
 
-@TEXTURES.register("ShaderNodeRGBCurve")
-def _rgb_curves(call: Call) -> Array:
-    return _curved(call, "Fac", call["Color"])
-
-
-@TEXTURES.register("ShaderNodeVectorCurve")
-def _vector_curves(call: Call) -> Array:
-    return _curved(call, "Fac", call["Vector"])
-
-
-@TEXTURES.register("ShaderNodeFloatCurve")
-def _float_curve(call: Call) -> Array:
-    return _curved(call, "Factor", call["Value"])
-
-
-@TEXTURES.register("ShaderNodeInvert")
-def _invert(call: Call) -> Array:
-    return call["Color"] + call["Fac"] * (1.0 - 2.0 * call["Color"])
-
-
-@TEXTURES.register("ShaderNodeGamma")
 def _gamma(call: Call) -> Array:
     colour, gamma = call["Color"], call["Gamma"]
     return np.where(gamma == 0.0, 1.0, np.where(colour > 0.0, np.abs(colour) ** gamma, colour))
 
 
-@TEXTURES.register("ShaderNodeBrightContrast")
 def _bright_contrast(call: Call) -> Array:
     contrast = call["Contrast"]
     return np.maximum((1.0 + contrast) * call["Color"] + call["Bright"] - 0.5 * contrast, 0.0)
@@ -129,37 +107,45 @@ def from_hsv(hsv: Array) -> Array:
     return v * (1.0 + s * (near - 1.0))
 
 
-@TEXTURES.register("ShaderNodeHueSaturation")
 def _hue_saturation(call: Call) -> Array:
     rgb = call["Color"]
     h, s, v = (column[:, None] for column in to_hsv(rgb).T)
-    h = np.mod(h + call["Hue"] + 0.5, 1.0)
-    parts = (h, clip(s * call["Saturation"]), v * call["Value"])
+    parts = (h + call["Hue"] + 0.5, clip(s * call["Saturation"]), v * call["Value"])
     shifted = from_hsv(np.concatenate(np.broadcast_arrays(*parts), axis=1))
     return np.maximum(rgb + call["Fac"] * (shifted - rgb), 0.0)
 
 
-@TEXTURES.register("ShaderNodeSeparateColor")
-def _separate_colour(call: Call) -> Array:
+def _component(call: Call) -> Array:
     k = ("Red", "Green", "Blue").index(call.output)
     colour = call["Color"]
     return (to_hsv(colour) if call.settings["mode"] == "HSV" else colour)[:, k : k + 1]
 
 
-@TEXTURES.register("ShaderNodeCombineColor")
-def _combine_colour(call: Call) -> Array:
-    parts = np.broadcast_arrays(call["Red"], call["Green"], call["Blue"])
-    colour = np.concatenate(parts, axis=1)
+def _combined(call: Call) -> Array:
+    colour = call.columns("Red", "Green", "Blue")
     return from_hsv(colour) if call.settings["mode"] == "HSV" else colour
 
 
-@TEXTURES.register("ShaderNodeRGBToBW")
 def _grey(call: Call) -> Array:
-    return call["Color"] @ np.asarray(call.settings["weights"], dtype=np.float64)[:, None]
+    return call["Color"] @ np.reshape(call.settings["weights"], (3, 1))
 
 
-@TEXTURES.register("ShaderNodeBlackbody")
 def _blackbody(call: Call) -> Array:
-    from ..lights._emission import blackbody_rgb
-
     return np.array([blackbody_rgb(float(t)) for t in call["Temperature"][:, 0]])
+
+
+register(
+    {
+        "ShaderNodeRGBCurve": lambda call: _curved(call, call["Fac"], call["Color"]),
+        "ShaderNodeVectorCurve": lambda call: _curved(call, call["Fac"], call["Vector"]),
+        "ShaderNodeFloatCurve": lambda call: _curved(call, call["Factor"], call["Value"]),
+        "ShaderNodeInvert": lambda call: call["Color"] + call["Fac"] * (1 - 2 * call["Color"]),
+        "ShaderNodeGamma": _gamma,
+        "ShaderNodeBrightContrast": _bright_contrast,
+        "ShaderNodeHueSaturation": _hue_saturation,
+        "ShaderNodeSeparateColor": _component,
+        "ShaderNodeCombineColor": _combined,
+        "ShaderNodeRGBToBW": _grey,
+        "ShaderNodeBlackbody": _blackbody,
+    }
+)

@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ._base import COLOUR, GENERATED, SOURCES, UV, ZERO, Array, Call, Context, divided, dot, unit
+from ..bsdfs._fresnel import Dielectric
+from ..rays import transform_points
+from . import COLOUR, GENERATED, SOURCES, UV, ZERO, Array, Call, Context, divided, dot, unit
 from .normals import radial
-
-
-def _moved(matrix: Array, points: Array) -> Array:
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _attribute(context: Context, name: str) -> Array:
@@ -27,19 +25,19 @@ def _attribute(context: Context, name: str) -> Array:
 @SOURCES.register("ShaderNodeTexCoord")
 def _texture_coordinate(call: Call) -> Array:
     context = call.context
-    inverse = call.settings.get("object_from_world", context.object_from_world)
     match call.output:
         case "UV":
             return _attribute(context, UV)
         case "Generated" if context.attribute(GENERATED) is not None:
             return _attribute(context, GENERATED)
         case "Normal":
-            return unit(context.normal @ np.linalg.inv(context.object_from_world[:3, :3]))
+            return unit(context.normal_in_object)
         case "Reflection":
             normal = context.normal
             return 2.0 * dot(normal, context.incoming) * normal - context.incoming
         case _:  # lights have no bounds: Generated is Object
-            return _moved(inverse, context.position)
+            inverse = call.settings.get("object_from_world", context.object_from_world)
+            return transform_points(inverse, context.position)
 
 
 @SOURCES.register("MEASURED")
@@ -65,25 +63,21 @@ def _colour_attribute(call: Call) -> Array:
 @SOURCES.register("ShaderNodeAttribute")
 def _named_attribute(call: Call) -> Array:
     found = call.context.attribute(call.settings["attribute_name"])
-    wide = found is not None and found.shape[1] == 4
-    match call.output:
-        case "Alpha":
-            return found[:, 3:] if found is not None and wide else np.ones((1, 1))
-        case "Fac" if found is not None and found.shape[1] == 2:
-            return found[:, :1]
-        case "Fac":
-            return np.mean(_attribute(call.context, call.settings["attribute_name"]), 1)[:, None]
-        case _:
-            return _attribute(call.context, call.settings["attribute_name"])
+    width = 0 if found is None else found.shape[1]
+    if call.output == "Alpha":
+        return np.ones((1, 1)) if found is None or width < 4 else found[:, 3:]
+    if call.output == "Fac" and found is not None and width == 2:
+        return found[:, :1]
+    vector = _attribute(call.context, call.settings["attribute_name"])
+    return vector.mean(axis=1, keepdims=True) if call.output == "Fac" else vector
 
 
 @SOURCES.register("ShaderNodeNewGeometry")
 def _geometry(call: Call) -> Array:
     if call.output == "Tangent":
         return radial(call.context, "Z")
-    names = {"True Normal": "geometric"}
-    found = getattr(call.context, names.get(call.output, call.output.lower()))
-    return np.asarray(found, dtype=np.float64)
+    name = "geometric" if call.output == "True Normal" else call.output.lower()
+    return np.asarray(getattr(call.context, name), dtype=np.float64)
 
 
 @SOURCES.register("ShaderNodeObjectInfo")
@@ -99,31 +93,23 @@ def _light_falloff(call: Call) -> Array:
     return np.where(np.isinf(length), strength, strength * length**power * damped)
 
 
-def dielectric(cosine: Array, eta: Array) -> Array:
-    """Return Fresnel's reflectance of unpolarised light at a relative index `eta`."""
-    c = np.abs(cosine)
-    squared = eta * eta - 1.0 + c * c
-    g = np.sqrt(np.maximum(squared, 0.0))
-    a, b = (g - c) / (g + c), (c * (g + c) - 1.0) / (c * (g - c) + 1.0)
-    return np.where(squared > 0.0, 0.5 * a * a * (1.0 + b * b), 1.0)
-
-
-def _facing(call: Call) -> Array:
-    return dot(call.context.incoming, call["Normal"])
+def _reflectance(call: Call, eta: Array) -> Array:
+    """Return Fresnel's at a relative index of refraction, its inverse seen from the back."""
+    eta = np.where(call.context.backfacing > 0.0, 1.0 / eta, eta)
+    facing = np.abs(dot(call.context.incoming, call["Normal"]))
+    return Dielectric(eta).reflectance(facing)[:, 0]
 
 
 @SOURCES.register("ShaderNodeFresnel")
 def _fresnel(call: Call) -> Array:
-    eta = np.maximum(call["IOR"], 1e-5)
-    return dielectric(_facing(call), np.where(call.context.backfacing > 0.0, 1.0 / eta, eta))
+    return _reflectance(call, np.maximum(call["IOR"], 1e-5))
 
 
 @SOURCES.register("ShaderNodeLayerWeight")
 def _layer_weight(call: Call) -> Array:
-    blend, facing = call["Blend"], _facing(call)
+    blend = call["Blend"]
     if call.output == "Fresnel":
-        eta = np.maximum(1.0 - blend, 1e-5)
-        return dielectric(facing, np.where(call.context.backfacing > 0.0, eta, 1.0 / eta))
+        return _reflectance(call, 1.0 / np.maximum(1.0 - blend, 1e-5))
     blend = np.clip(blend, 0.0, 1.0 - 1e-5)
     power = np.where(blend < 0.5, 2.0 * blend, divided(np.array(0.5), 1.0 - blend))
-    return 1.0 - np.abs(facing) ** power
+    return 1.0 - np.abs(dot(call.context.incoming, call["Normal"])) ** power

@@ -24,12 +24,13 @@ picture of a mirror ball, seen along +y, at ½ + ½(x, z)/√(2(1 - y)).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._base import TEXTURES, Array, Call, divided, unit
+from . import TEXTURES, Array, Call, divided, unit
 
 Pixels = NDArray[np.uint8] | NDArray[np.float32]
 
@@ -38,37 +39,29 @@ MISSING = np.array([[1.0, 0.0, 1.0, 1.0]])
 
 def from_srgb(encoded: Array) -> Array:
     """Return linear values of sRGB ones (IEC 61966-2-1)."""
-    curve = ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
-    return np.where(encoded < 0.04045, np.maximum(encoded / 12.92, 0.0), curve)
+    encoded = np.maximum(encoded, 0.0)
+    return np.where(encoded < 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 @TEXTURES.register("ShaderNodeTexImage")
 def _image(call: Call) -> Array:
-    extension, projection = call.settings["extension"], call.settings["projection"]
-    if projection != "BOX":
-        return _decoded(call, lambda: _PLACES[projection](call["Vector"]), extension)
-    normal = call.context.normal @ np.linalg.inv(call.context.object_from_world[:3, :3])
-    sides = _sides(call["Vector"], normal)
-    parts = (_decoded(call, lambda uv=uv: uv, extension) for uv in sides)
-    weights = _box_weights(normal, call.settings["projection_blend"])
-    return np.asarray(sum(w[:, None] * part for w, part in zip(weights.T, parts, strict=True)))
+    at, extension = call["Vector"], call.settings["extension"]
+    if call.settings["projection"] != "BOX":
+        return _decoded(call, _projected(at, call.settings["projection"]), extension)
+    normal = call.context.normal_in_object
+    parts = np.array([_decoded(call, uv, extension) for uv in _sides(at, normal)])
+    return np.einsum("nk,knc->nc", _box_weights(normal, call.settings["projection_blend"]), parts)
 
 
-def _around(at: Array) -> Array:
-    """Return how far around the z axis places (n, 3) in the unit cube are, from 0 to 1."""
-    x, y, _ = (2.0 * at - 1.0).T
-    return np.where((x == 0.0) & (y == 0.0), 0.0, 0.5 - np.arctan2(x, y) / (2.0 * np.pi))
-
-
-def _on_sphere(at: Array) -> Array:
-    return np.stack([_around(at), 1.0 - np.arccos(unit(2.0 * at - 1.0)[:, 2]) / np.pi], axis=1)
-
-
-_PLACES: dict[str, Callable[[Array], Array]] = {
-    "FLAT": lambda at: at,
-    "SPHERE": _on_sphere,
-    "TUBE": lambda at: np.stack([_around(at), at[:, 2]], axis=1),
-}
+def _projected(at: Array, projection: str) -> Array:
+    """Return where places (n, 3) in the unit cube are on a picture, (n, 2) or more."""
+    if projection == "FLAT":
+        return at
+    x, y = (2.0 * at[:, :2] - 1.0).T
+    around = np.where((x == 0.0) & (y == 0.0), 0.0, 0.5 - np.arctan2(x, y) / (2.0 * np.pi))
+    if projection == "TUBE":
+        return np.stack([around, at[:, 2]], axis=1)
+    return np.stack([around, 1.0 - np.arccos(unit(2.0 * at - 1.0)[:, 2]) / np.pi], axis=1)
 
 
 def _sides(at: Array, normal: Array) -> list[Array]:
@@ -106,89 +99,83 @@ def _box_weights(normal: Array, blend: float) -> Array:
 
 @TEXTURES.register("ShaderNodeTexEnvironment")
 def _environment(call: Call) -> Array:
-    def place() -> Array:
-        x, y, z = unit(call["Vector"]).T
-        if call.settings["projection"] == "EQUIRECTANGULAR":
-            return np.stack([0.5 - np.arctan2(y, x) / (2 * np.pi), 0.5 + np.arcsin(z) / np.pi], 1)
+    x, y, z = unit(call["Vector"]).T
+    if call.settings["projection"] == "EQUIRECTANGULAR":
+        uv = np.stack([0.5 - np.arctan2(y, x) / (2 * np.pi), 0.5 + np.arcsin(z) / np.pi], axis=1)
+    else:
         across = np.sqrt(2.0 * np.maximum(1.0 - y, 1e-30))
-        return 0.5 + 0.5 * np.stack([x, z], axis=1) / across[:, None]
+        uv = 0.5 + 0.5 * np.stack([x, z], axis=1) / across[:, None]
+    return _decoded(call, uv, "REPEAT")
 
-    return _decoded(call, place, "REPEAT")
 
-
-def _decoded(call: Call, place: Callable[[], Array], extension: str) -> Array:
-    """Return what an output of an image node gives at `place` (n, 2)."""
-    pixels = call.settings.get("pixels")
-    rgba = MISSING
-    if pixels is not None:
-        rgba = _on_tiles(call, pixels, place(), extension)
-    if pixels is not None and call.settings["unassociate"]:
-        alpha = rgba[:, 3:]
-        rgba = np.append(rgba[:, :3] / np.where(alpha == 0.0, 1.0, alpha), alpha, axis=1)
+def _decoded(call: Call, uv: Array, extension: str) -> Array:
+    """Return what an output of an image node gives at `uv` (n, 2)."""
+    settings, rgba = call.settings, MISSING
+    missing = settings.get("pixels") is None
+    if not missing:
+        rgba = _on_tiles(settings, uv, extension)
+    colour, alpha = rgba[:, :3], rgba[:, 3:]
     if call.output == "Alpha":
-        return rgba[:, 3:]
-    encoded = pixels is not None and call.settings["encoded"]
-    return from_srgb(rgba[:, :3]) if encoded else rgba[:, :3]
+        return alpha
+    if not missing and settings["unassociate"]:
+        colour = colour / np.where(alpha == 0.0, 1.0, alpha)
+    return from_srgb(colour) if not missing and settings["encoded"] else colour
 
 
-def _on_tiles(call: Call, pixels: Pixels, uv: Array, extension: str) -> Array:
+def _on_tiles(settings: Mapping[str, Any], uv: Array, extension: str) -> Array:
     """Return what is at `uv` (n, 2), which are columns and rows of tiles if there are any."""
-    tiles, interpolation = call.settings.get("tiles"), call.settings["interpolation"]
+    tiles, interpolation = settings.get("tiles"), settings["interpolation"]
     if tiles is None:
-        return _sampled(pixels, uv, interpolation, extension)
+        return _sampled(settings["pixels"], uv, interpolation, extension)
     found = np.tile(MISSING, (len(uv), 1))
     column, row = place = np.trunc(uv[:, :2]).T
     number = np.where((column < 10) & (place >= 0).all(axis=0), 1001 + column + 10 * row, 0)
-    for tile, own_pixels in tiles.items():
+    for tile, pixels in tiles.items():
         own = number == tile
-        within = uv[own, :2] - place.T[own]
-        found[own] = _sampled(own_pixels, within, interpolation, extension)
+        found[own] = _sampled(pixels, uv[own, :2] - place.T[own], interpolation, extension)
     return found
 
 
 def _sampled(pixels: Pixels, uv: Array, interpolation: str, extension: str) -> Array:
-    (x, along), (y, across) = (
-        _taps(uv[:, axis] * pixels.shape[1 - axis], interpolation) for axis in (0, 1)
+    columns, rows = (
+        _taps(uv[:, axis], pixels.shape[1 - axis], interpolation, extension) for axis in (0, 1)
     )
     total = np.zeros((len(uv), 4))
-    for i, part in zip(y, across, strict=True):
-        row, inside = _wrapped(i, pixels.shape[0], extension)
-        for j, share in zip(x, along, strict=True):
-            column, within = _wrapped(j, pixels.shape[1], extension)
-            weight = np.where(inside & within, part * share, 0.0)
-            total += weight[:, None] * pixels[row, column]
+    for row, part in rows:
+        for column, share in columns:
+            total += (part * share)[:, None] * pixels[row, column]
     return total / 255.0 if pixels.dtype == np.uint8 else total
 
 
-def _taps(at: Array, interpolation: str) -> tuple[list[NDArray[np.int64]], list[Array]]:
+def _taps(
+    u: Array, size: int, interpolation: str, extension: str
+) -> list[tuple[NDArray[np.int64], Array]]:
     """Return the texels (n,) that count along one axis, and their weights (n,)."""
+    at = u * size - (0.0 if interpolation == "Closest" else 0.5)
+    first = np.floor(at).astype(np.int64)
+    t = at - first
     if interpolation == "Closest":
-        return [np.floor(at).astype(np.int64)], [np.ones(len(at))]
-    first = np.floor(at - 0.5).astype(np.int64)
-    t = at - 0.5 - first
-    if interpolation == "Linear":
-        return [first, first + 1], [1.0 - t, t]
-    weights = [
-        (1.0 - t) ** 3 / 6.0,
-        (3.0 * t**3 - 6.0 * t**2 + 4.0) / 6.0,
-        (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) / 6.0,
-        t**3 / 6.0,
-    ]
-    return [first + k for k in (-1, 0, 1, 2)], weights
+        weights = {0: np.ones_like(t)}
+    elif interpolation == "Linear":
+        weights = {0: 1.0 - t, 1: t}
+    else:
+        weights = {
+            -1: (1.0 - t) ** 3 / 6.0,
+            0: (3.0 * t**3 - 6.0 * t**2 + 4.0) / 6.0,
+            1: (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) / 6.0,
+            2: t**3 / 6.0,
+        }
+    taps = [(first + k, _wrapped(first + k, size, extension), w) for k, w in weights.items()]
+    if extension == "CLIP":
+        return [(texel, np.where(texel == index, w, 0.0)) for index, texel, w in taps]
+    return [(texel, w) for _, texel, w in taps]
 
 
-def _wrapped(
-    index: NDArray[np.int64], size: int, extension: str
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the texels that stand for `index` (n,), and whether they are in the image."""
-    inside = np.ones(len(index), dtype=bool)
-    match extension:
-        case "REPEAT":
-            return index % size, inside
-        case "MIRROR":
-            folded = index % (2 * size)
-            return np.minimum(folded, 2 * size - 1 - folded), inside
-        case "EXTEND":
-            return np.clip(index, 0, size - 1), inside
-        case _:
-            return np.clip(index, 0, size - 1), (index >= 0) & (index < size)
+def _wrapped(index: NDArray[np.int64], size: int, extension: str) -> NDArray[np.int64]:
+    """Return the texels that stand for `index` (n,)."""
+    if extension == "REPEAT":
+        return index % size
+    if extension == "MIRROR":
+        folded = index % (2 * size)
+        return np.minimum(folded, 2 * size - 1 - folded)
+    return np.clip(index, 0, size - 1)

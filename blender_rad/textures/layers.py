@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from ..bsdfs import Inputs
 from ..bsdfs.principled import emitted
-from ._base import ONE, SOURCES, Array, Call, unit
+from . import ONE, SOURCES, Array, Call, unit
 
 
 @SOURCES.register("EMITTED")

@@ -5,19 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ._base import (
-    GENERATED,
-    NORMAL,
-    SOURCES,
-    TANGENT,
-    UV,
-    Array,
-    Call,
-    Context,
-    clip,
-    dot,
-    unit,
-)
+from . import GENERATED, NORMAL, SOURCES, TANGENT, UV, ZERO, Array, Call, Context, clip, dot, unit
 
 
 def _to_world(context: Context, normals: Array) -> Array:
@@ -32,9 +20,8 @@ def _normal_map(call: Call) -> Array:
     interpolated, not square to each other, and of unit length only where the setting `unit_normal`
     makes n so.
     """
-    context, strength = call.context, call["Strength"]
+    context, strength, space = call.context, call["Strength"], call.settings["space"]
     stated = 2.0 * call["Color"] - 1.0
-    space = call.settings["space"]
     if call.settings.get("convention") == "DIRECTX":
         stated = stated * np.array([1.0, -1.0, 1.0])
     if space.startswith("BLENDER_"):
@@ -61,10 +48,9 @@ def _normal_map(call: Call) -> Array:
 def radial(context: Context, axis: str) -> Array:
     """Return the tangents (n, 3) around an axis of the bounds."""
     generated = context.attribute(GENERATED)
-    x, y, z = ((context.position if generated is None else generated) - 0.5).T
-    nothing = np.zeros_like(x)
-    around = {"X": (nothing, -z, y), "Y": (-z, nothing, x), "Z": (-y, x, nothing)}
-    return _in_surface(context, np.stack(around[axis], axis=1))
+    from_middle = (context.position if generated is None else generated) - 0.5
+    axes = np.diag([1.0, -1.0, 1.0])  # Cycles turns the other way about Y
+    return _in_surface(context, np.asarray(np.cross(axes["XYZ".index(axis)], from_middle), float))
 
 
 def _in_surface(context: Context, tangent: Array) -> Array:
@@ -78,4 +64,4 @@ def _tangent(call: Call) -> Array:
     if call.settings["direction_type"] == "RADIAL":
         return radial(call.context, call.settings["axis"])
     found = call.context.attribute((call.settings["uv_map"] or UV) + TANGENT)
-    return np.zeros((1, 3)) if found is None else _in_surface(call.context, found[:, :3])
+    return ZERO if found is None else _in_surface(call.context, found[:, :3])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._base import TEXTURES, Array, Call, clip, dot
+from . import TEXTURES, Array, Call, clip, dot, smoothstep
 
 
 @TEXTURES.register("ShaderNodeTexChecker")
@@ -27,7 +27,7 @@ def _gradient(call: Call) -> Array:
     values: dict[str, Any] = {
         "LINEAR": x,
         "QUADRATIC": np.maximum(x, 0.0) ** 2,
-        "EASING": clip(x) ** 2 * (3.0 - 2.0 * clip(x)),
+        "EASING": smoothstep(x),
         "DIAGONAL": 0.5 * (x + y),
         "RADIAL": np.arctan2(y, x) / (2.0 * np.pi) + 0.5,
         "QUADRATIC_SPHERE": r * r,
