@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
@@ -72,20 +73,21 @@ def draw_quantity() -> None:
     from ..blender_rad.photometry.falsecolor import value_range
     from ..blender_rad.quantities import QUANTITIES
 
-    def pixels() -> tuple[Any, tuple[float, float]]:
+    def pixels() -> tuple[Any, Any]:
         values = quantity(film, own.view, viewport.scene, own.efficacy)
         limits = value_range(values, own.scale, own.low or None, own.high or None)
         place = _place(values, own.scale, limits)
-        return np.where(np.isnan(place)[..., None], 0.25, _colours()[_index(place)]), limits
+        image = np.where(np.isnan(place)[..., None], 0.25, _colours()[_index(place)])
+        return image, (limits, texture(_colours()[::-1, None]))
 
     try:
         key = (own.view, own.scale, own.efficacy, own.low, own.high)
-        picture, limits = _kept(viewport, key, pixels)
+        picture, (limits, ramp) = _kept(viewport, key, pixels)
     except RadError:  # the ends of the legend have crossed
         return
     gpu.state.blend_set('NONE')
     draw_texture_2d(picture, (0, 0), context.region.width, context.region.height)
-    _draw_legend(own.scale, limits, QUANTITIES[own.view].unit)
+    _draw_legend(ramp, own.scale, limits, QUANTITIES[own.view].unit)
 
 
 def _kept(
@@ -136,7 +138,7 @@ def _colours() -> Any:
     return mpl.colormaps[COLOURS](np.linspace(0.0, 1.0, 256))
 
 
-def _draw_legend(scale: str, limits: tuple[float, float], unit: str) -> None:
+def _draw_legend(ramp: Any, scale: str, limits: tuple[float, float], unit: str) -> None:
     import blf
     import numpy as np
     from gpu_extras.presets import draw_texture_2d
@@ -145,17 +147,27 @@ def _draw_legend(scale: str, limits: tuple[float, float], unit: str) -> None:
     scaled = (round(side * context.preferences.system.ui_scale) for side in LEGEND)
     margin, wide, tall, labels = scaled
     left = context.region.width - margin - wide - labels
-    draw_texture_2d(texture(_colours()[::-1, None]), (left, margin), wide, tall)
+    draw_texture_2d(ramp, (left, margin), wide, tall)
     spaced = np.geomspace if scale == 'log' else np.linspace
     blf.size(0, wide * 0.75)
     blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    with shadows():
+        for number, value in enumerate(spaced(*limits, TICKS)):
+            last = f" {unit}" if number == TICKS - 1 else ""
+            height = margin + number / (TICKS - 1) * tall - 0.25 * wide
+            blf.position(0, left + 1.4 * wide, height, 0)
+            blf.draw(0, f"{float(f'{value:.3g}'):g}{last}")
+
+
+@contextmanager
+def shadows() -> Generator[None]:
+    """Have letters throw a shadow, a hard one: a soft one takes 25 copies of each letter."""
+    import blf
+
     blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)
-    for number, value in enumerate(spaced(*limits, TICKS)):
-        last = f" {unit}" if number == TICKS - 1 else ""
-        height = margin + number / (TICKS - 1) * tall - 0.25 * wide
-        blf.position(0, left + 1.4 * wide, height, 0)
-        blf.draw(0, f"{float(f'{value:.3g}'):g}{last}")
+    blf.shadow(0, 0, 0.0, 0.0, 0.0, 0.9)
+    blf.shadow_offset(0, 1, -1)
+    yield
     blf.disable(0, blf.SHADOW)
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from typing import Any
 
 import bpy
@@ -52,7 +53,8 @@ class RADIOMETRIC_MT_unit(bpy.types.Menu):
         kind = block.type if isinstance(block, bpy.types.Light) else block.id_type
         for unit in FORMS[kind]:
             row = self.layout.row()
-            row.enabled = not isinstance(block, bpy.types.Light) or stating.defined(block, unit)
+            light = isinstance(block, bpy.types.Light)
+            row.enabled = not light or stating.drawn(stating.defined, block, unit)
             row.prop_enum(block.radiometry, "unit", unit)
 
 
@@ -62,7 +64,7 @@ def draw_value(layout: Any, block: Any) -> str:
     row = layout.row(align=True)
     row.prop(block.radiometry, "value", text=QUANTITIES[unit])
     menu = row.row(align=True)
-    menu.ui_units_x = 4.0
+    menu.ui_units_x = 3.0
     menu.menu(RADIOMETRIC_MT_unit.__name__, text=stating.LABELS[unit])
     return unit
 
@@ -93,7 +95,7 @@ class RADIOMETRIC_PT_light(_Data, bpy.types.Panel):
         unit = draw_value(layout, light)
         if unit in {'lx', 'W/m2'} and light.type != 'SUN':
             layout.prop(group, "distance")
-        if not stating.defined(light, unit):
+        if not stating.drawn(stating.defined, light, unit):
             layout.label(text="This light has none: choose another unit", icon='INFO')
         layout.prop(group, "spectrum", icon='COLOR')
         if error := group.get("error"):
@@ -110,6 +112,14 @@ class RADIOMETRIC_PT_light(_Data, bpy.types.Panel):
             column.operator("radiometric.keys_to_power")
 
 
+def _asked(light: Any, name: str | None, point: Any) -> bytes:
+    """Return the arguments of `readout.row`, at a point seen by the object of that name."""
+    matrix = bpy.data.objects[name].matrix_world if name else None
+    group = light.radiometry
+    model = 'cycles' if group.compensate else 'physical'
+    return pickle.dumps((stating.record_of(light, matrix), stating.convention(group), model, point))
+
+
 class RADIOMETRIC_PT_emits(_Data, bpy.types.Panel):
     """Reads what a light emits."""
 
@@ -121,13 +131,8 @@ class RADIOMETRIC_PT_emits(_Data, bpy.types.Panel):
         layout, light, scene = self.layout, context.light, context.scene
         group, placed = light.radiometry, context.object
         at_cursor = scene.radiometric_at_cursor and placed and placed.data == light
-        record = stating.record_of(light, placed.matrix_world if at_cursor else None)
-        row = readout.known(
-            record,
-            stating.convention(group),
-            'cycles' if group.compensate else 'physical',
-            tuple(scene.cursor.location) if at_cursor else None,
-        )
+        where = (placed.name, tuple(scene.cursor.location)) if at_cursor else (None, None)
+        row = readout.known(light.name, stating.drawn(_asked, light, *where))
         if row is None:
             layout.label(text="Reading …")
             return

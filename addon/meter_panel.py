@@ -9,7 +9,19 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from ..blender_rad.errors import RadError
-from .metering import ERROR, STATE, illuminance, met, meters, read, reread, scene_now, show, start
+from .metering import (
+    ERROR,
+    STATE,
+    illuminance,
+    marks,
+    met,
+    meters,
+    read,
+    reread,
+    scene_now,
+    show,
+    start,
+)
 from .text import say
 
 KINDS: Any = (
@@ -29,7 +41,7 @@ STANDARDS = {  # EN 12464-1:2011: maintained illuminance [lx] and its uniformity
     "Conference room": (500, 0.6),
     "Technical drawing": (750, 0.7),
 }
-MARKS: dict[bool | None, Any] = {None: 'BLANK1', True: 'CHECKMARK', False: 'ERROR'}
+ICONS: dict[bool | None, Any] = {None: 'BLANK1', True: 'CHECKMARK', False: 'ERROR'}
 
 
 def _judged(meter: Any, context: bpy.types.Context) -> None:
@@ -208,7 +220,7 @@ class RADIOMETRIC_PT_meters(bpy.types.Panel):
     bl_category = "Radiometry"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, found = self.layout, meters(context.scene)
+        layout, found = self.layout, marks(context.scene)
         row = layout.row(align=True)
         for (kind, _, _, icon), text in zip(KINDS, ("Lux", "cd/m²", "Grid"), strict=True):
             row.operator("radiometric.add_meter", text=text, icon=icon).kind = kind
@@ -217,13 +229,12 @@ class RADIOMETRIC_PT_meters(bpy.types.Panel):
             return
         column = layout.box().column(align=True)
         column.active = not STATE.stale
-        for meter in found:
+        for mark in found:
             row = column.split(factor=0.4)
-            name, mark = meter.name, MARKS[met(meter)]
-            row.operator("radiometric.select", text=name, icon=mark, emboss=False).name = name
-            reading = STATE.readings.get(name)
-            row.label(text=reading.text if reading else "…")
-        if context.object in found:
+            name, icon = mark.name, ICONS[mark.met]
+            row.operator("radiometric.select", text=name, icon=icon, emboss=False).name = name
+            row.label(text=mark.text or "…")
+        if context.object and context.object.radiometric_meter.kind in {'LUX', 'GRID'}:
             self._draw_active(context)
         row = layout.row(align=True)
         row.operator("radiometric.read_meters", icon='FILE_REFRESH')
@@ -234,8 +245,6 @@ class RADIOMETRIC_PT_meters(bpy.types.Panel):
 
     def _draw_active(self, context: bpy.types.Context) -> None:
         own = context.object.radiometric_meter
-        if own.kind == 'NIT':
-            return
         column = self.layout.column(align=True)
         column.use_property_split = True
         column.prop(own, "target", text="Target lx")

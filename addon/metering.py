@@ -10,6 +10,7 @@ import bpy
 
 from ..blender_rad.errors import RadError
 from . import beside, live
+from .drawing import shadows
 
 ERROR = 0.005  # relative, of live readings
 LABELLED = 400  # cells of a grid that carry their number
@@ -38,20 +39,30 @@ class Reading(NamedTuple):
     cells: tuple[tuple[Any, str], ...] = ()
 
 
+class Mark(NamedTuple):
+    """A meter as it is shown: without a text until it is read, without a place where hidden."""
+
+    name: str
+    text: str | None
+    met: bool | None
+    place: Any
+    cells: tuple[tuple[Any, str], ...]
+
+
 class State:
     """What is known by now, and what is under way.
 
     Attributes
     ----------
     stale : the scene has changed since the meters began to be read.
-    marks : of which scene, and what is written in its viewports; None to look again.
+    marks : of which scene, and what is shown of its meters; None to look again.
     """
 
     def __init__(self) -> None:
         self.readings: dict[str, Reading] = {}
         self.error = ""
         self.stale = self.running = False
-        self.marks: tuple[int, list[tuple[Any, str, Any, Any]]] | None = None
+        self.marks: tuple[int, list[Mark]] | None = None
         self.handle: Any = None
 
 
@@ -154,7 +165,7 @@ def show() -> None:
 def _again() -> None:
     """Read where that is wanted, and nothing is under way; as a timer too."""
     scene = bpy.context.scene
-    if STATE.stale and not STATE.running and scene.radiometric_live and meters(scene):
+    if STATE.stale and not STATE.running and scene.radiometric_live and marks(scene):
         try:
             start(bpy.context)
         except (RadError, ModuleNotFoundError) as error:
@@ -212,15 +223,16 @@ def met(meter: Any) -> bool | None:
     return enough and reading.uniformity >= own.uniformity
 
 
-def _marks(scene: Any) -> list[tuple[Any, str, Any, Any]]:
-    """Return place, text, colour and cells of what is written over viewports; kept if it can be."""
+def marks(scene: Any) -> list[Mark]:
+    """Return what there is to say of the scene's meters, from the last time if it can be."""
     if STATE.marks is None or STATE.marks[0] != scene.session_uid:
-        found = [
-            (m.matrix_world.translation.copy(), reading.text, COLOURS[met(m)], reading.cells)
-            for m in meters(scene)
-            if (reading := STATE.readings.get(m.name)) and m.visible_get()
-        ]
-        STATE.marks = scene.session_uid, found
+        rows: list[Mark] = []
+        for meter in meters(scene):
+            reading = STATE.readings.get(meter.name)
+            place = meter.matrix_world.translation.copy() if meter.visible_get() else None
+            cells = reading.cells if reading else ()
+            rows.append(Mark(meter.name, reading and reading.text, met(meter), place, cells))
+        STATE.marks = scene.session_uid, rows
     return STATE.marks[1]
 
 
@@ -233,29 +245,28 @@ def _draw() -> None:
     if not STATE.readings or not context.space_data.overlay.show_overlays:
         return
     scale, region, view = context.preferences.system.ui_scale, context.region, context.region_data
-    opacity = OLD if STATE.stale else 1.0
 
     def seen(point: Any) -> Any:
         return location_3d_to_region_2d(region, view, point)
 
-    def write(point: Any, text: str, colour: Any, offset: tuple[float, float]) -> None:
+    def write(point: Any, text: str, offset: tuple[float, float]) -> None:
         if (spot := seen(point)) is not None:
-            blf.color(0, colour[0], colour[1], colour[2], opacity)
             blf.position(0, spot.x + offset[0] * scale, spot.y + offset[1] * scale, 0)
             blf.draw(0, text)
 
-    blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 0, 0.0, 0.0, 0.0, 0.9)  # a soft one takes 25 copies of each letter
-    blf.shadow_offset(0, 1, -1)
-    for place, text, colour, cells in _marks(context.scene):
-        blf.size(0, 14 * scale)
-        write(place, text, colour, (10.0, 8.0))
-        first = [spot for point, _ in cells[:2] if (spot := seen(point))]
-        if len(first) == 2 and (first[1] - first[0]).length > APART * scale:
-            blf.size(0, 10 * scale)
-            for point, number in cells:
-                write(point, number, COLOURS[None], (-8.0, -4.0))
-    blf.disable(0, blf.SHADOW)
+    with shadows():
+        for mark in marks(context.scene):
+            if mark.text is None or mark.place is None:
+                continue
+            red, green, blue = COLOURS[mark.met]
+            blf.color(0, red, green, blue, OLD if STATE.stale else 1.0)
+            blf.size(0, 14 * scale)
+            write(mark.place, mark.text, (10.0, 8.0))
+            first = [spot for point, _ in mark.cells[:2] if (spot := seen(point))]
+            if len(first) == 2 and (first[1] - first[0]).length > APART * scale:
+                blf.size(0, 10 * scale)
+                for point, number in mark.cells:
+                    write(point, number, (-8.0, -4.0))
 
 
 def register() -> None:

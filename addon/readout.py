@@ -14,12 +14,11 @@ _rows: dict[bytes, dict[str, Any] | None] = {}  # None while it is worked out
 _last: dict[str, dict[str, Any]] = {}
 
 
-def known(record: Any, convention: Any, model: str, point: tuple[float, ...] | None) -> Any:
+def known(name: str, key: bytes) -> Any:
     """Return the row of a light as ``lights`` has it, that of before while it is worked out.
 
-    Its ``facing_lx`` is what arrives at `point` [bu], or at the convention's distance without one.
+    `key` are the pickled arguments of `row`.
     """
-    key = pickle.dumps((record, convention, model, point))
     if key not in _rows:
         if len(_rows) > MOST:
             _rows.clear()
@@ -29,14 +28,17 @@ def known(record: Any, convention: Any, model: str, point: tuple[float, ...] | N
             beside.redraw('PROPERTIES')
 
         _rows[key] = None
-        beside.begin(taken, row, record, convention, model, point)
+        beside.begin(taken, row, *pickle.loads(key))
     if now := _rows[key]:
-        _last[record.name] = now
-    return _last.get(record.name)
+        _last[name] = now
+    return _last.get(name)
 
 
 def row(record: Any, convention: Any, model: Any, point: Any) -> dict[str, Any]:
-    """Return the row; nothing of Blender is asked, so that any thread may."""
+    """Return the row; nothing of Blender is asked, so that any thread may.
+
+    Its ``facing_lx`` is what arrives at `point` [bu], or at the convention's distance without one.
+    """
     import numpy as np
 
     from ..blender_rad.inspection import inspect_lights
