@@ -116,7 +116,7 @@ def _verb_parser(verb: str, command: type[Command]) -> Parser:
             parser.add_argument(entry.name, metavar=meta["metavar"], help=meta["help"], **several)
             continue
         parser.add_argument(
-            *meta["flags"],
+            *["-o"] * (entry.name == "output"),
             flag_of(entry),
             dest=entry.name,
             metavar=meta["metavar"],

@@ -50,19 +50,15 @@ def read(socket: Any, groups: Groups = (), ask: Ask | None = None) -> Expression
 
 def number(socket: Any, groups: Groups = ()) -> float | None:
     """Return the constant number that `socket` gets, None when it is not constant."""
-    value = _constant(socket, groups)
+    found = read(socket, groups)
+    value = found and found.value
     return None if value is None or value.size > 1 else float(value[0, 0])
 
 
 def colour(socket: Any, groups: Groups = ()) -> Triple | None:
     """Return the constant colour that `socket` gets, None when it is not constant."""
-    value = _constant(socket, groups)
-    return None if value is None else triple(value)
-
-
-def _constant(socket: Any, groups: Groups) -> NDArray[np.float64] | None:
     found = read(socket, groups)
-    return found and found.value
+    return None if found is None or found.value is None else triple(found.value)
 
 
 def leaves(
@@ -126,13 +122,13 @@ def triple(value: NDArray[np.float64]) -> Triple:
 
 def split(parts: Iterable[Expression]) -> tuple[Triple, Expression | None]:
     """Return the sum of the constant parts, and that of those that vary, None without any."""
-    total, varying = np.zeros((1, 3)), None
+    total, varying = NOTHING, None
     for part in parts:
         if part.value is not None:
-            total = total + part.value
+            total = total + part
         else:
             varying = part if varying is None else varying + part
-    return triple(total), varying
+    return triple(np.asarray(total.value)), varying
 
 
 def emission(tree: Any, kinds: set[str]) -> tuple[Triple, Expression | None, str | None]:
@@ -150,12 +146,6 @@ def emission(tree: Any, kinds: set[str]) -> tuple[Triple, Expression | None, str
             return BLACK, None, feature(leaf)
         parts.append(part)
     return *split(parts), None
-
-
-def uniform_emission(tree: Any, kinds: set[str]) -> tuple[Triple, str | None]:
-    """Return the constant emission of a `tree`, and what in it is not."""
-    found, varying, unknown = emission(tree, kinds)
-    return (BLACK, "Emission that varies") if varying else (found, unknown)
 
 
 def feature(leaf: Leaf) -> str:

@@ -20,12 +20,10 @@ def shown_world(bl_scene: Any, layer: Any) -> Any | None:
 
 
 def read_maps(bl_scene: Any, layer: Any) -> tuple[SkyMap, ...]:
-    """Return the maps of a world that is not uniform, which may take renders of their own."""
+    """Return the maps of a world whose nodes are not known, which take renders of their own."""
     bl_world = shown_world(bl_scene, layer)
-    if bl_world is None or _uniform(bl_world)[1] is None or _unsupported(bl_world):
+    if bl_world is None or _emission(bl_world)[2] is None or _unsupported(bl_world):
         return ()
-    if _emission(bl_world)[2] is None:
-        return ()  # `read_world` knows them
     return measure_sky(bl_world, (bl_scene.frame_current, bl_scene.frame_subframe))
 
 
@@ -33,14 +31,14 @@ def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
     """Return the background of an evaluated world with the `maps` of it; None is black."""
     if bl_world is None:
         return World()
-    radiance, feature = _uniform(bl_world)
-    features = _unsupported(bl_world) if feature else _beyond(bl_world)
-    if feature and not maps and not features:
-        radiance, varying, unknown = _emission(bl_world)
-        if unknown or varying is None:
-            features = [feature]
-        else:
+    radiance, varying, unknown = _emission(bl_world)
+    features = _unsupported(bl_world) if varying or unknown else _beyond(bl_world)
+    if varying:
+        if not (maps or features):
             maps = (known_sky(bl_world, varying + constant(radiance)),)
+        radiance = nodes.BLACK
+    elif unknown and not (maps or features):
+        features = [unknown]
     visible = bl_world.cycles_visibility
     return World(
         radiance=radiance,
@@ -54,16 +52,12 @@ def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
     )
 
 
-def _uniform(bl_world: Any) -> tuple[nodes.Triple, str | None]:
-    """Return the radiance (3,) [W/(m² sr)], and the first feature that is not uniform."""
-    if nodes.uses_nodes(bl_world):
-        return nodes.uniform_emission(bl_world.node_tree, _EMITTERS)
-    r, g, b = bl_world.color
-    return (r, g, b), None
-
-
 def _emission(bl_world: Any) -> tuple[nodes.Triple, Expression | None, str | None]:
-    return nodes.emission(bl_world.node_tree, _EMITTERS)
+    """Return the radiance [W/(m² sr)]: constant, varying, and what is not known of it."""
+    if nodes.uses_nodes(bl_world):
+        return nodes.emission(bl_world.node_tree, _EMITTERS)
+    r, g, b = bl_world.color
+    return (r, g, b), None, None
 
 
 def _unsupported(bl_world: Any) -> list[str]:
@@ -72,9 +66,8 @@ def _unsupported(bl_world: Any) -> list[str]:
 
 def _beyond(bl_world: Any) -> list[str]:
     """Return what else it does; without shadows Cycles still hides what rays of surfaces find."""
-    output = bl_world.node_tree and bl_world.node_tree.get_output_node("CYCLES")
-    volume = output and nodes.source(output.inputs["Volume"]).output
-    features = ["World volume"] * bool(volume and nodes.uses_nodes(bl_world))
+    output = nodes.uses_nodes(bl_world) and bl_world.node_tree.get_output_node("CYCLES")
+    features = ["World volume"] * bool(output and nodes.source(output.inputs["Volume"]).output)
     return features + ["World without shadows"] * (
         not getattr(bl_world.cycles, "use_shadows", True)
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from typing import Any, NamedTuple, cast
 
 from ..errors import RadError
@@ -44,7 +44,6 @@ def option(
     *,
     default: Any = None,
     metavar: str | None = None,
-    flags: tuple[str, ...] = (),
     positional: bool = False,
     several: bool = False,
     required: bool = False,
@@ -54,17 +53,17 @@ def option(
     Parameters
     ----------
     parse : takes the command line's text or the Python API's value, returns the checked value;
-        raises `ValueError` with what was expected.
+        raises `ValueError` with what was expected. It sees the default too, unless that is None.
     metavar : where `parse` has none.
-    default : the value where the option is not given; it is not parsed.
-    flags : other names; ``--field-name`` is always one.
     several : takes one or more values, may be repeated, and is a tuple.
     """
+    if default not in (None, ()):
+        shown = ",".join(default) if isinstance(default, tuple) else default
+        help += f" (default: {shown:g})" if isinstance(shown, float) else f" (default: {shown})"
     metadata = {
         "parse": parse,
         "help": help,
         "metavar": metavar or getattr(parse, "metavar", None),
-        "flags": flags,
         "positional": positional,
         "required": required,
         "several": several,
@@ -98,7 +97,7 @@ class Command(ABC):
     def __post_init__(self) -> None:
         for entry in fields(self):
             value = getattr(self, entry.name)
-            if entry.default is MISSING or value is not entry.default:
+            if value is not entry.default or value not in (None, ()):
                 object.__setattr__(self, entry.name, _checked(entry, value))
 
     @abstractmethod
@@ -124,16 +123,15 @@ class Command(ABC):
 
 
 def _checked(entry: Field[Any], value: Any) -> Any:
-    parse: Parse = entry.metadata["parse"]
     if not entry.metadata["several"]:
-        return _parsed(entry, parse, value)
+        return _parsed(entry, value)
     values = cast(Iterable[Any], value) if isinstance(value, (list, tuple)) else (value,)
-    return tuple(_parsed(entry, parse, single) for single in values)
+    return tuple(_parsed(entry, single) for single in values)
 
 
-def _parsed(entry: Field[Any], parse: Parse, value: Any) -> Any:
+def _parsed(entry: Field[Any], value: Any) -> Any:
     try:
-        return parse(value)
+        return entry.metadata["parse"](value)
     except RadError:
         raise
     except OSError as error:  # a path that no file can have: too long, or a loop of links
@@ -149,8 +147,9 @@ def as_function(name: str, command: type[Command]) -> Callable[..., dict[str, ob
     def function(*args: Any, **options: Any) -> dict[str, object]:
         return plain(command(*args, **options).run().document)
 
-    signature = inspect.signature(command).replace(return_annotation=dict[str, object])
+    options = "\n".join(f"{e.name} : {e.metadata['help']}" for e in fields(command))
     function.__name__ = function.__qualname__ = name
-    function.__doc__ = command.__doc__
+    function.__doc__ = f"{inspect.getdoc(command)}\n\nParameters\n----------\n{options}\n"
+    signature = inspect.signature(command).replace(return_annotation=dict[str, object])
     vars(function)["__signature__"] = signature
     return function

@@ -17,20 +17,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class MeterCommand(EngineCommand):
-    """A verb that reads lux meters; `error` is the relative standard error to reach."""
+    """A verb that reads lux meters."""
 
-    error: float = option(
-        values.number(0), "target relative standard error (default: 0.001)", default=0.001
-    )
+    error: float = option(values.number(0), "target relative standard error", default=0.001)
 
     def lux_meter(self) -> tuple[Any, LuxMeter]:
         """Open the file; return its bpy.types.Scene and a meter for it."""
         from ..meters import LuxMeter
 
         bl_scene, scene = self.read(self.frame)
-        return bl_scene, LuxMeter(
-            scene, efficacy=self.efficacy, error=self.error, threads=self.threads
-        )
+        efficacy, error, threads = self.efficacy, self.error, self.threads
+        return bl_scene, LuxMeter(scene, efficacy=efficacy, error=error, threads=threads)
 
     @staticmethod
     def scene_findings(meter: LuxMeter) -> list[Finding]:

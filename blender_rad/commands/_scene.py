@@ -13,18 +13,12 @@ from ._base import Command, option
 if TYPE_CHECKING:
     from ..scene import Scene
 
-NAMED = ", ".join(values.EFFICACIES_LM_W)
+NAMED = f"{', '.join(values.EFFICACIES_LM_W)}, or a number"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneCommand(Command):
-    """A verb about one file.
-
-    Attributes
-    ----------
-    frame, camera, scene, view_layer : None means the file's own.
-    efficacy : of lights that carry no spectrum [lm/W].
-    """
+    """A verb about one file."""
 
     file: Path = option(
         values.scene_file, "a .blend, .glb or .gltf file", metavar="SCENE", positional=True
@@ -38,8 +32,8 @@ class SceneCommand(Command):
     view_layer: str | None = option(values.text, "view layer (default: the scene's first)")
     efficacy: float = option(
         values.efficacy,
-        f"lm per W of lights without a spectrum: {NAMED}, or a number (default: photopic)",
-        default=values.EFFICACIES_LM_W["photopic"],
+        f"lm per W of lights without a spectrum: {NAMED}",
+        default="photopic",
     )
 
     def open(self, file: Path, frame: int | None, *, need_camera: bool) -> Any:
@@ -62,7 +56,7 @@ class ModelCommand(SceneCommand):
 
     model: Literal["cycles", "physical"] = option(
         values.choice("cycles", "physical"),
-        "what lights mean: what Cycles makes of them, or what their units say (default: cycles)",
+        "what lights mean: what Cycles makes of them, or what their units say",
         default="cycles",
     )
 
@@ -78,19 +72,19 @@ class ModelCommand(SceneCommand):
 
 @dataclass(frozen=True, kw_only=True)
 class EngineCommand(ModelCommand):
-    """A verb that works out the light of a scene; with `threads` None on all processors."""
+    """A verb that works out the light of a scene."""
 
     threads: int | None = option(values.integer(1), "processors to use (default: all)")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureCommand(EngineCommand):
-    """A verb that makes a picture of a scene, of the file's resolution where that is None."""
+    """A verb that makes a picture of a scene."""
 
     resolution: tuple[int, int] | None = option(values.resolution, "pixels (default: the file's)")
     shading: Literal["full", "clay"] = option(
         values.choice("full", "clay"),
-        "materials as they are, or all of them Lambert (default: full)",
+        "materials as they are, or all of them Lambert",
         default="full",
     )
 

@@ -22,7 +22,6 @@ Parse = Callable[[Any], Any]
 
 FRAME_LIMIT = 1_048_574  # Blender's own
 RESOLUTION_LIMIT = 65_536  # Blender's own
-SCENE_SUFFIX = re.compile(r"\.(blend\d*|glb|gltf)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -79,14 +78,14 @@ def integer(low: int, high: int | None = None) -> Parse:
 
 
 def number(low: float = -math.inf, high: float = math.inf, *, closed: bool = False) -> Parse:
-    """Return a parser of a finite number, both ends excluded unless `closed`."""
-    limits = [f"above {low:g}"] * (low > -math.inf) + [f"below {high:g}"] * (high < math.inf)
-    words = f"{low:g} to {high:g}".replace("to inf", "or more") if closed else " and ".join(limits)
+    """Return a parser of a finite number, both ends excluded, `closed` ones but the upper."""
+    limits = [f"{'at least' if closed else 'above'} {low:g}"] * (low > -math.inf)
+    limits += [f"below {high:g}"] * (high < math.inf)
     return Value(
         "X",
-        f"a number {words}".strip(),
+        f"a number {' and '.join(limits)}".strip(),
         float,
-        lambda x: math.isfinite(x) and (low < x < high or (closed and x in {low, high})),
+        lambda x: math.isfinite(x) and (low < x < high or (closed and x == low)),
     )
 
 
@@ -132,28 +131,26 @@ efficacy = Value(
 )
 
 
-def scene_file(value: Any) -> Path:
-    """Return the path of a scene that exists."""
-    expected = "expected a .blend, .glb or .gltf file"
-    path = existing_file(value, expected)
-    if not SCENE_SUFFIX.fullmatch(path.suffix):
-        raise RadError("not a scene", str(path), expected)
-    return path
+def input_file(kind: str, suffix: str = "") -> Parse:
+    """Return a parser of the path of a file that exists; `suffix` is a pattern of what it ends in.
+
+    `kind` says what is expected.
+    """
+    expected = f"expected {kind}"
+
+    def parse(value: Any) -> Path:
+        path = Path(value)
+        if not path.is_file():
+            raise RadError("a folder" if path.is_dir() else "no such file", str(path), expected)
+        if not re.fullmatch(suffix or ".*", path.suffix, re.IGNORECASE):
+            raise RadError("not a scene", str(path), expected)
+        return path
+
+    return parse
 
 
-def existing_file(value: Any, expected: str = "expected a file") -> Path:
-    """Return the path of a file that exists."""
-    path = Path(value)
-    if path.is_dir():
-        raise RadError("a folder", str(path), expected)
-    if not path.is_file():
-        raise RadError("no such file", str(path), expected)
-    return path
-
-
-def exr_input(value: Any) -> Path:
-    """Return the path of an EXR file that exists."""
-    return existing_file(value, "expected an EXR file")
+scene_file = input_file("a .blend, .glb or .gltf file", r"\.(blend\d*|glb|gltf)")
+exr_input = input_file("an EXR file")
 
 
 def output_file(*suffixes: str) -> Parse:
@@ -164,8 +161,7 @@ def output_file(*suffixes: str) -> Parse:
         path = Path(value)
         if path.suffix.lower() not in suffixes:
             raise RadError("cannot write this format", str(path), f"expected a {kinds} file")
-        folder = path.parent
-        if path.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
+        if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
             raise RadError("cannot write there", str(path), "expected a file in a folder to write")
         return path
 

@@ -31,22 +31,14 @@ CODES = {"agree": 0, "undecided": 3, "differ": 1}  # exit codes, from the best t
 
 @dataclass(frozen=True, kw_only=True)
 class CheckOptions(PictureCommand, verb="check"):
-    """Say whether the direct light agrees with an independent engine, and why not.
+    """Say whether the direct light agrees with an independent engine, and why not."""
 
-    Attributes
-    ----------
-    report : folder for the report, made if missing; None writes none.
-    against : names of the witnesses.
-    witness_scene : the file that the witness renders, where it is another one.
-    render : pictures to judge in place of a witness, at film exposure `exposure` (None means 1).
-    samples : a pixel on our side, and a pixel and seed on the witness's; None buys until decided.
-    frames : first and last.
-    """
-
-    report: Path | None = option(values.output_folder, "write the report into DIR", metavar="DIR")
+    report: Path | None = option(
+        values.output_folder, "write the report into this folder, made if missing", metavar="DIR"
+    )
     against: tuple[str, ...] = option(
         values.names("cycles", "radiance", "mitsuba"),
-        "witnesses, with commas: cycles, radiance, mitsuba (default: cycles)",
+        "witnesses, with commas: cycles, radiance, mitsuba",
         default=("cycles",),
         metavar="LIST",
     )
@@ -62,19 +54,17 @@ class CheckOptions(PictureCommand, verb="check"):
     exposure: float | None = option(values.number(0), "film exposure of the pictures (default: 1)")
     witness_settings: Literal["reference", "file"] = option(
         values.choice("reference", "file"),
-        "unbiased settings for the witness, or the file's own (default: reference)",
+        "unbiased settings for the witness, or the file's own",
         default="reference",
     )
     tolerance: float = option(
-        values.number(0, 1), "relative difference that is allowed (default: 0.01)", default=0.01
+        values.number(0, 1), "relative difference that is allowed", default=0.01
     )
-    confidence: float = option(
-        values.number(0.5, 1), "of the verdict (default: 0.99)", default=0.99
-    )
+    confidence: float = option(values.number(0.5, 1), "of the verdict", default=0.99)
     samples: int | None = option(
-        values.integer(1), "fixed samples a pixel (default: more until decided)"
+        values.integer(1), "a pixel, and a seed of the witness (default: more until decided)"
     )
-    frames: tuple[int, int] | None = option(values.frame_range, "several frames")
+    frames: tuple[int, int] | None = option(values.frame_range, "several frames, first and last")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -33,10 +33,7 @@ def amount(value: Any) -> tuple[float, str | None]:
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertOptions(Command, verb="convert"):
-    """Convert light from unit to unit, through the emitter's shape and its spectrum.
-
-    Angles are full ones in degrees; `limits` are those between which the spectrum's watts count.
-    """
+    """Convert light from unit to unit, through the emitter's shape and its spectrum."""
 
     value: tuple[float, str | None] = option(amount, AMOUNT, metavar="VALUE", positional=True)
     unit: str = option(values.text, f"one of {' '.join(UNITS)}", metavar="UNIT", positional=True)

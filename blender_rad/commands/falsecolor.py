@@ -25,40 +25,29 @@ def isolines(value: Any) -> tuple[float, ...] | Literal["auto"]:
 
 @dataclass(frozen=True, kw_only=True)
 class FalsecolorOptions(Command, verb="falsecolor"):
-    """Draw illuminance or luminance of an EXR, of ours or of Cycles, in colours with a legend.
-
-    Attributes
-    ----------
-    min, max, isolines : [lx] or [cd/m²]; a None finds round numbers, ``auto`` those of the legend.
-    efficacy : [lm/W]; None means the file's own, or photopic.
-    """
+    """Draw illuminance or luminance of an EXR, of ours or of Cycles, in colours with a legend."""
 
     file: Path = option(values.exr_input, "a rendered EXR", metavar="IN.exr", positional=True)
     output: Path = option(
         values.output_file(".png", ".pdf"),
         "the file to write",
         metavar="OUT.png|OUT.pdf",
-        flags=("-o",),
         required=True,
     )
     quantity: Literal["illuminance", "luminance"] = option(
-        values.choice("illuminance", "luminance"),
-        "illuminance (default) or luminance",
-        default="illuminance",
+        values.choice("illuminance", "luminance"), "what is drawn", default="illuminance"
     )
     scale: Literal["log", "linear"] = option(
-        values.choice("log", "linear"), "log (default) or linear", default="log"
+        values.choice("log", "linear"), "of the legend", default="log"
     )
-    min: float | None = option(values.number(), "lower end of the legend")
-    max: float | None = option(values.number(), "upper end of the legend")
+    min: float | None = option(values.number(), "lower end of the legend (default: a round one)")
+    max: float | None = option(values.number(), "upper end of the legend (default: a round one)")
     isolines: tuple[float, ...] | Literal["auto"] = option(
         isolines, "labelled lines at these values, or auto", default=(), metavar="X,Y,…|auto"
     )
-    exposure: float = option(
-        values.number(0), "film exposure of the render (default: 1)", default=1.0
-    )
+    exposure: float = option(values.number(0), "film exposure of the render", default=1.0)
     efficacy: float | None = option(
-        values.efficacy, f"lm per W: {NAMED}, or a number (default: the file's, or photopic)"
+        values.efficacy, f"lm per W: {NAMED} (default: the file's, or photopic)"
     )
     view_layer: str | None = option(
         values.text, "view layer in the file (default: the first with the passes)"

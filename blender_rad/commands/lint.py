@@ -17,13 +17,7 @@ SEEDS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class LintOptions(EngineCommand, verb="lint"):
-    """Name settings and set-ups that bias a photometric render, each with its effect.
-
-    Attributes
-    ----------
-    measure : samples a pixel of Cycles' small pictures with and without each setting that has no
-        closed form; None renders none.
-    """
+    """Name settings and set-ups that bias a photometric render, each with its effect."""
 
     measure: int | None = option(
         values.integer(1), "measure settings by small Cycles pictures of N samples a pixel"

@@ -20,15 +20,12 @@ SIDE = 160  # pixels of the longer side of the view in which Blender is asked wh
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialsOptions(SceneCommand, verb="materials"):
-    """Put materials to the three laws: positivity, reciprocity, conservation of energy.
-
-    Attributes
-    ----------
-    plot : where their albedo by incidence goes, and their look in white surroundings.
-    """
+    """Put materials to the three laws: positivity, reciprocity, conservation of energy."""
 
     plot: Path | None = option(
-        values.output_file(".png"), "write albedos and white furnaces", metavar="OUT.png"
+        values.output_file(".png"),
+        "draw their albedos by incidence, and their look in white surroundings",
+        metavar="OUT.png",
     )
 
     def run(self) -> Outcome:

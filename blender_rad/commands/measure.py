@@ -59,12 +59,12 @@ class MeasureOptions(MeterCommand, verb="measure"):
     spacing: float | None = option(values.number(0), "between meters of a grid", metavar="M")
     margin: float = option(
         values.number(0, closed=True),
-        "from a grid's edges, such as walls (default: 0)",
+        "from a grid's edges, such as walls",
         default=0.0,
         metavar="M",
     )
     maintenance_factor: float = option(
-        values.number(0), "what ageing leaves of the light (default: 1)", default=1.0, metavar="F"
+        values.number(0), "what ageing leaves of the light", default=1.0, metavar="F"
     )
     target_average: float | None = option(
         values.number(0), "least average illuminance of the grid", metavar="LX"
@@ -74,7 +74,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
     )
     quantity: Literal["irradiance", "radiance"] = option(
         values.choice("irradiance", "radiance"),
-        "irradiance: lux meters; radiance: luminance meters (default: irradiance)",
+        "irradiance: lux meters; radiance: luminance meters",
         default="irradiance",
     )
     from_: Points = _points("where a luminance meter is")

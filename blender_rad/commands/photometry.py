@@ -17,38 +17,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PhotometryOptions(Command, verb="photometry"):
-    """Read an IES or LDT file: flux, intensities, angles, opening, and what is wrong with it.
-
-    Attributes
-    ----------
-    plot : where the polar diagram goes.
-    unit : of the diagram.
-    lamp_set : which of an LDT file's lamp sets, from 1.
-    to_ies : where the same light goes as an IES file.
-    orientation : of that file; see `photometry.as_ies`.
-    """
+    """Read an IES or LDT file: flux, intensities, angles, opening, and what is wrong with it."""
 
     file: Path = option(
-        lambda value: values.existing_file(value, "expected an IES or LDT file"),
-        "an IES or LDT file",
-        metavar="FILE",
-        positional=True,
+        values.input_file("an IES or LDT file"), "what is read", metavar="FILE", positional=True
     )
     plot: Path | None = option(
         values.output_file(".png", ".svg"), "write the polar diagram", metavar="OUT.png|OUT.svg"
     )
-    unit: str = option(
-        values.choice("cd", "cd/klm"), "of the diagram: cd or cd/klm (default: cd)", default="cd"
-    )
-    lamp_set: int = option(
-        values.integer(1), "which of an LDT file's lamp sets (default: 1)", default=1
-    )
+    unit: str = option(values.choice("cd", "cd/klm"), "of the diagram", default="cd")
+    lamp_set: int = option(values.integer(1), "which of an LDT file's lamp sets", default=1)
     to_ies: Path | None = option(
         values.output_file(".ies"), "write the same light as LM-63-2002", metavar="OUT.ies"
     )
     orientation: str = option(
         values.choice("lm-63", "blender"),
-        "of that file: lm-63, or blender as its IES Texture node turns it (default: lm-63)",
+        "of that file: lm-63, or blender as its IES Texture node turns it",
         default="lm-63",
     )
 

@@ -23,22 +23,10 @@ DEFAULT_ERROR = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class RenderOptions(PictureCommand, verb="render"):
-    """Render the direct light as radiance in W/(m² sr), with its error, into an EXR file.
-
-    Attributes
-    ----------
-    error : target relative standard error; None where `samples` is given.
-    samples : fixed samples a pixel; None where `error` is the target.
-    passes : names of layers, ``all`` for those of every light too; None means all but these.
-    time_limit : [s].
-    """
+    """Render the direct light as radiance in W/(m² sr), with its error, into an EXR file."""
 
     output: Path = option(
-        values.output_file(".exr"),
-        "the file to write",
-        metavar="OUT.exr",
-        flags=("-o",),
-        required=True,
+        values.output_file(".exr"), "the file to write", metavar="OUT.exr", required=True
     )
     error: float | None = option(
         values.number(0), f"target relative standard error (default: {DEFAULT_ERROR})"

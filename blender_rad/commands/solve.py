@@ -44,7 +44,6 @@ class SolveOptions(MeterCommand, verb="solve"):
         values.output_file(".blend"),
         "write a copy with these powers",
         metavar="OUT.blend",
-        flags=("-o",),
     )
 
     def __post_init__(self) -> None:

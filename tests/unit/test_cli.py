@@ -26,7 +26,7 @@ from blender_rad.errors import RadError
 class Probe(Command):
     """A verb for tests."""
 
-    file: Path = option(values.existing_file, "a file", metavar="SCENE", positional=True)
+    file: Path = option(values.scene_file, "a file", metavar="SCENE", positional=True)
     at: tuple[tuple[float, ...], ...] = option(
         values.vector(3), "a point", metavar="X,Y,Z", several=True
     )
