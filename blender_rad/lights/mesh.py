@@ -12,10 +12,11 @@ parameter           unit                    meaning
 Derivation. Each triangle is a Lambert polygon; E = L Σ |E_i| over the triangles, since each shines
 from both faces. Triangles are unoccluded by one another here: what hides what is the estimator's
 to find. To points on itself a triangle sends nothing. Each face emits πLA, so Φ = 2πLA; of a closed
-mesh half of that hits its own inside and `leaving_flux` is the rest. Up to 64 triangles are summed
-in closed form; samples pick triangles by area, textured ones half by area and half by the power
-that a few points in each let expect, and their density is that of the triangle picked alone. Flux
-and intensity of textured ones are means over these points. The radiance is the same in both models.
+mesh half of that hits its own inside and `leaving_flux` is the rest. Up to 64 triangles that
+face one way are summed in closed form; samples pick triangles by area, textured ones half by area
+and half by the power that a few points in each let expect, and their density is that of the
+triangle picked alone. Flux and intensity of textured ones are means over these points. The radiance
+is the same in both models.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from ..rays import Caster
 
 CLOSED_FORM_TRIANGLES = 64  # above it, summing polygons costs more than sampling is worth
+ONE_WAY = 0.5  # |Σ N| over Σ |N|: below it triangles hide each other, and E of all tells little
 ON_IT = 1e-6  # in units of the root of a triangle's area: points so near its plane lie in it
 FAR_POINTS, FAR_DIRECTIONS = (
     1024,
@@ -86,6 +88,10 @@ class MeshLight(Light):
     @property
     def _area(self) -> float:
         return float(self._areas.sum())
+
+    @cached_property
+    def _faces_one_way(self) -> bool:
+        return bool(np.linalg.norm(self._normals.sum(axis=0)) >= ONE_WAY * 2.0 * self._area)
 
     @cached_property
     def _tried(self) -> Array:
@@ -143,7 +149,8 @@ class MeshLight(Light):
         return position, i, np.stack([s, t]), chance / self._areas[i]
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
-        if self.texture is not None or len(self.triangles) > CLOSED_FORM_TRIANGLES:
+        many = len(self.triangles) > CLOSED_FORM_TRIANGLES
+        if self.texture is not None or many or not self._faces_one_way:
             return None
         total = np.zeros(len(points))
         for triangle, normal in zip(self.triangles, self._normals, strict=True):
