@@ -16,6 +16,7 @@ from . import (
     preferences,
     readout,
     settings,
+    skies,
     stating,
     translations,
 )
@@ -24,6 +25,7 @@ MODULES = (
     preferences,
     settings,
     beside,
+    skies,
     live,
     drawing,
     engine,

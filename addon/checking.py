@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -14,13 +12,12 @@ from typing import Any
 import bpy
 
 from .. import __package__ as root_package
+from . import another
 
 LONGEST_SIDE = 640  # pixels of the pictures compared, at most
 POLL_S = 0.25
 STEPS = {"ours": "Our engine", "witness": "Cycles"}
-_CHILD = """
-import sys
-sys.path = [{root!r}, *sys.path, *{path!r}]
+_CODE = """
 from blender_rad import progress
 from blender_rad.cli import run
 progress.LISTENERS.append(
@@ -51,20 +48,8 @@ class Check:
         copy = scratch / (Path(bpy.data.filepath).name or "unsaved.blend")
         bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, check_existing=False)
         self._log = scratch / "log.txt"
-        root, arguments = str(Path(__file__).parents[1]), self._arguments(copy, bl_scene)
-        code = _CHILD.format(root=root, path=sys.path, arguments=arguments)
-        started = [sys.executable, "-c", code]
-        if not bpy.app.module:
-            options = ["--background", "--factory-startup", "--python-expr"]
-            started = [bpy.app.binary_path, *options, code]
-        with self._log.open("wb") as log:
-            self._process = subprocess.Popen(
-                started,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=log,
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-            )
+        code = _CODE.format(arguments=self._arguments(copy, bl_scene))
+        self._process = another.start(code, self._log)
 
     def _arguments(self, file: Path, bl_scene: Any) -> list[str]:
         from ..blender_rad.bpy_io.read import frame_size

@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from . import drawing, final
+from . import drawing, final, skies
 from .viewport import Viewport, region_camera
 
 ENGINE = 'RADIOMETRIC'
@@ -69,6 +69,7 @@ class RadiometricEngine(bpy.types.RenderEngine):
             drawing.draw_radiance(self, viewport, bl_scene, (region.width, region.height))
         if viewport.film:
             said = "" if viewport.refining else ", done"
+            said += ", the sky is being measured" if skies.measuring() else ""
             self.update_stats("Radiometric", f"error {100 * viewport.error:.2g} %{said}")
 
 

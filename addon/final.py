@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from . import skies
+
 if TYPE_CHECKING:
     from ..blender_rad.film import Film
     from ..blender_rad.scene import Scene
@@ -63,8 +65,10 @@ def render(engine: Any, depsgraph: Any) -> None:
             cancel.set()
 
     try:
+        engine.update_stats("", "Measuring the sky")
+        maps = skies.of_render(depsgraph, engine.test_break)
         engine.update_stats("", "Reading the scene")
-        scene = read_depsgraph(depsgraph, shading=own.shading, model=own.model)
+        scene = read_depsgraph(depsgraph, shading=own.shading, model=own.model, maps=maps)
         light = DirectLight(scene)
         extra = _light_passes(light.names) if own.pass_lights else ()
         for name, channels in (*PASSES.items(), *extra):

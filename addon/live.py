@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from . import skies
+
 if TYPE_CHECKING:
     from ..blender_rad.scene import Scene
 
@@ -29,7 +31,7 @@ def scene_of(depsgraph: Any, shading: Any = 'full') -> Scene:
     if scene and names:
         scene = follow(scene, depsgraph, names)
     if scene is None:
-        maps = before.world.maps if before else ()
+        maps = skies.of_view(depsgraph) or (before.world.maps if before else ())
         scene = read_depsgraph(depsgraph, shading=shading, model=model, maps=maps, live=True)
     _kept[key] = (scene, set())
     while len(_kept) > MOST:
@@ -40,7 +42,10 @@ def scene_of(depsgraph: Any, shading: Any = 'full') -> Scene:
 @bpy.app.handlers.persistent
 def _changed(bl_scene: Any, depsgraph: Any) -> None:
     """Note what has changed of the scenes that are kept."""
-    if any(isinstance(u.id, bpy.types.World | bpy.types.Image) for u in depsgraph.updates):
+    if any(isinstance(u.id, bpy.types.Image) for u in depsgraph.updates):
+        skies.forget()
+        _forget()
+    if any(isinstance(u.id, bpy.types.World) for u in depsgraph.updates):
         _forget()
     mine = [key for key in _kept if key[0] == bl_scene.session_uid]
     if not mine:

@@ -124,7 +124,11 @@ def defined(light: Any, unit: str) -> bool:
 
 def drawn(make: Any, light: Any, *what: Any) -> Any:
     """Return ``make(light, *what)``, from the last time while nothing has changed."""
-    key = (make, light.session_uid, *what)
+    from ..blender_rad.bpy_io.expressions import plain_properties
+
+    group = light.radiometry
+    stated = light.session_uid, light.type, convention(group), group.compensate
+    key = (make, *what, stated, *plain_properties(light).values())
     if key not in _drawn:
         _drawn[key] = make(light, *what)
     return _drawn[key]
@@ -177,7 +181,8 @@ def _get_value(group: Any) -> float:
     from ..blender_rad.quantities import unit_named
 
     light, unit = group.id_data, unit_of(group.id_data)
-    return _finite(unit_named(unit).from_si(_factor(light, unit) * light.energy))
+    factor = _factor(light, unit) if light.is_evaluated else drawn(_factor, light, unit)
+    return _finite(unit_named(unit).from_si(factor * light.energy))
 
 
 def _set_value(group: Any, value: float) -> None:

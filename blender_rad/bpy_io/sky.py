@@ -24,7 +24,7 @@ from ..lights import SkyMap
 from ..lights._environment import WHOLE
 from ..textures import Context, Expression
 from . import nodes
-from .expressions import behind
+from .expressions import behind, plain_properties
 from .witness import CyclesWitness
 
 Look = Callable[..., NDArray[np.float32]]
@@ -66,6 +66,61 @@ def measure_sky(bl_world: Any, frame: tuple[int, float]) -> tuple[SkyMap, ...]:
         finally:  # node groups are not the copy's own
             for sky in discs:
                 sky.sun_disc = True
+
+
+def measure_file(
+    file: str, name: str, frame: tuple[int, float], space: str, out: str
+) -> None:
+    """Measure a world of a file for another Blender: `maps_of` reads what `out` then holds."""
+    if bpy.app.version >= (5, 0):
+        operators: Any = bpy.ops.wm
+        operators.set_working_color_space(working_space=space, convert_colors=False)
+    libraries: Any = bpy.data.libraries
+    with libraries.load(file) as (_, wanted):
+        wanted.worlds = [name]
+    maps = measure_sky(wanted.worlds[0], frame)
+    np.savez(out, *(part for m in maps for part in (m.radiance, m.map_from_world, m.half)))
+
+
+def maps_of(file: str) -> tuple[SkyMap, ...]:
+    """Return the maps that `measure_file` has written."""
+    with np.load(file) as arrays:
+        parts = [arrays[name] for name in arrays]
+    return tuple(
+        SkyMap(radiance, axes, (float(half[0]), float(half[1])))
+        for radiance, axes, half in zip(parts[::3], parts[1::3], parts[2::3], strict=True)
+    )
+
+
+def contents(block: Any, frame: float) -> tuple[Any, ...]:
+    """Return all that the node tree of an evaluated block computes with, as plain data.
+
+    Pictures count by their names and files; `frame` does where they move.
+    """
+    tree = block.node_tree
+    links = [
+        (a.node.name, a.identifier, b.node.name, b.identifier, link.is_muted)
+        for link in tree.links
+        if (a := link.from_socket) and (b := link.to_socket)
+    ]
+    return links, [_computes(node, frame) for node in tree.nodes]
+
+
+def _computes(node: Any, frame: float) -> tuple[Any, ...]:
+    found = [node.bl_idname, node.name, node.mute, plain_properties(node)]
+    found += [plain_properties(socket) for socket in (*node.inputs, *node.outputs)]
+    if getattr(node, "texture_mapping", None):
+        found.append(plain_properties(node.texture_mapping))
+    if ramp := getattr(node, "color_ramp", None):
+        found += [plain_properties(ramp), *map(plain_properties, ramp.elements)]
+    if hasattr(node, "mapping") and hasattr(node.mapping, "curves"):
+        found += [plain_properties(p) for curve in node.mapping.curves for p in curve.points]
+    if image := getattr(node, "image", None):
+        moves = image.source in {'MOVIE', 'SEQUENCE'}
+        found += [image.name, image.filepath, tuple(image.size), moves and frame]
+    if getattr(node, "node_tree", None):
+        found.append(contents(node, frame))
+    return tuple(found)
 
 
 def _has_disc(node: Any) -> bool:

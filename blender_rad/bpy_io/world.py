@@ -19,12 +19,17 @@ def shown_world(bl_scene: Any, layer: Any) -> Any | None:
     return (layer.world_override or bl_scene.world) if layer.use_sky else None
 
 
+def unknown_world(bl_scene: Any, layer: Any) -> Any | None:
+    """Return the world that a view layer renders, where Blender has to be asked what it gives."""
+    world = shown_world(bl_scene, layer)
+    return world if world and _emission(world)[2] and not _unsupported(world) else None
+
+
 def read_maps(bl_scene: Any, layer: Any) -> tuple[SkyMap, ...]:
     """Return the maps of a world whose nodes are not known, which take renders of their own."""
-    bl_world = shown_world(bl_scene, layer)
-    if bl_world is None or _emission(bl_world)[2] is None or _unsupported(bl_world):
-        return ()
-    return measure_sky(bl_world, (bl_scene.frame_current, bl_scene.frame_subframe))
+    world = unknown_world(bl_scene, layer)
+    frame = bl_scene.frame_current, bl_scene.frame_subframe
+    return measure_sky(world, frame) if world else ()
 
 
 def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:

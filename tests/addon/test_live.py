@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 bpy = pytest.importorskip("bpy")
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 
 def build() -> None:
@@ -49,7 +49,10 @@ def dark(objects: Any) -> None:
 
 def skied(objects: Any) -> None:
     world = bpy.context.scene.world = bpy.data.worlds.new("World")
-    world.color = (0.1, 0.2, 0.3)
+    world.use_nodes = True
+    air = world.node_tree.nodes.new("ShaderNodeTexSky")
+    background = world.node_tree.nodes["Background"]
+    world.node_tree.links.new(air.outputs[0], background.inputs["Color"])
 
 
 def gone(objects: Any) -> None:
@@ -81,7 +84,9 @@ def test_it_is_followed(
     now = live.scene_of(depsgraph)
     assert now is not before
     assert bool(calls) == read_again
-    expected = plain(depsgraph, live=True)
+    skies = importlib.import_module(f"{addon.__name__}.skies")
+    expected = plain(depsgraph, live=True, maps=skies.of_view(depsgraph))
+    assert now.world.known, "a sky is measured beside Blender"
     for part in ("lights", "light_records", "instances", "materials", "world", "unit_scale_m"):
         ours, theirs = (pickle.dumps(pickle.loads(pickle.dumps(getattr(s, part))))
                         for s in (now, expected))  # fmt: skip
