@@ -28,7 +28,7 @@ Rounds. Looking again after more samples is another chance to err: round i = 0, 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,23 +47,14 @@ FRAME, TILES = -1, -2
 
 @dataclass(frozen=True)
 class Claims(Estimates):
-    """Differences with tolerances; each either within, outside, or not known yet.
-
-    Attributes
-    ----------
-    tolerance : (n,).
-    weight : (n,) for Holm.
-    required : (n,) whether `agree` needs it.
-    group : (n,) the group of lights that it is about, `FRAME` or `TILES`.
-    """
+    """Differences with tolerances; each either within, outside, or not known yet; all (n,)."""
 
     tolerance: Array
-    weight: Array
-    required: Mask
-    group: NDArray[np.int64]
+    weight: Array  # for Holm
+    required: Mask  # whether `agree` needs it
+    group: NDArray[np.int64]  # of lights that it is about, `FRAME` or `TILES`
 
     def p_outside(self) -> Array:
-        """Return the p-values against being within, (n,)."""
         return p_outside(self.value, self.error, self.df, self.tolerance)
 
     def outside(self, alpha: float) -> Mask:
@@ -101,20 +92,16 @@ def _family(
     """Return the claims that `known` are all `truth`; they share `level` of α equally."""
     count = len(known.value)
     return Claims(
-        known.value - truth,
-        known.witness_variance,
-        known.our_variance,
-        known.df,
-        known.scale,
-        tolerance * known.scale,
-        np.full(count, level / max(count, 1)),
-        np.full(count, required),
-        np.broadcast_to(np.asarray(group, np.int64), count),
+        **vars(replace(known, value=known.value - truth)),
+        tolerance=tolerance * known.scale,
+        weight=np.full(count, level / max(count, 1)),
+        required=np.full(count, required),
+        group=np.broadcast_to(np.asarray(group, np.int64), count),
     )
 
 
 def claims_of_lights(problem: Problem, known: Estimates, tolerance: float) -> Claims:
-    """Return the claims that the factors `known` of the groups are 1, of those that count."""
+    """Return the claims that the factors `known` of the groups that count are 1."""
     groups = np.flatnonzero(problem.energy >= MIN_ENERGY)
     return _family(known.at(groups), 1.0, tolerance, LIGHTS_LEVEL, groups)
 
@@ -134,12 +121,8 @@ def claims_of(pools: Pools, problem: Problem, tolerance: float) -> Claims:
         *_of_colours(problem, tolerance),
         _family(pools.tiles, 0.0, TILE_TOLERANCES * tolerance, LEVEL, TILES),
     ]
-    return Claims(
-        *(
-            np.concatenate([getattr(family, field.name) for family in families])
-            for field in fields(Claims)
-        )
-    )
+    columns = ([getattr(each, field.name) for each in families] for field in fields(Claims))
+    return Claims(*map(np.concatenate, columns))
 
 
 def foretell(claims: Claims, alpha: float) -> tuple[int, dict[str, float]]:

@@ -15,17 +15,7 @@ from ..errors import Finding
 from ..quantities import EFFICACIES_LM_W
 from .claims import claims_of_lights
 from .factors import Problem, fit, problem_from_cells
-from .pools import (
-    CELLS_A_TILE,
-    Array,
-    Cells,
-    Estimates,
-    Mask,
-    Pools,
-    kept_tiles,
-    pool,
-    tile_means,
-)
+from .pools import Array, Cells, Estimates, Mask, Pools, kept_tiles, pool, spread_out, tile_means
 from .result import MIN_ENERGY, Verdict
 
 PHOTOPIC, CYCLES_IES, RADIANCE = EFFICACIES_LM_W.values()
@@ -38,19 +28,12 @@ SLACK = 1e-3  # relative; Cycles itself is up to 3e-4 off the closed forms
 
 
 class Cause(NamedTuple):
-    """A mistake that multiplies a light by a number, or divides it.
-
-    Attributes
-    ----------
-    code, message : key and explanation of the finding.
-    value, power : the number is ``value * unit scale in m ** power``.
-    types : the light types that it can hit, separated by blanks; none for all.
-    """
+    """A mistake that multiplies a light by ``value * unit scale in m ** power``, or divides it."""
 
     code: str
     message: str
     value: float
-    types: str = ""
+    types: str = ""  # of lights that it can hit, separated by blanks; none for all
     power: int = 0
 
     def factors(self, scale: float) -> set[float]:
@@ -60,35 +43,27 @@ class Cause(NamedTuple):
 
 
 _FALLING_OFF = "POINT SPOT AREA"
+_UNITS = "its fall-off counts metres on one side and Blender units on the other: unit scale squared"
+_BEFORE_4 = "area light powers of before Blender 4.0, P/(4A) in place of P/(πA): π/4 or 4/π"
 _LUMENS = "lumens turned into watts with {:g} on one side and 683.002 lm/W on the other"
 CAUSES = (
     Cause("hidden", "missing, hidden or linked away in the witness", 0.0),
-    Cause(
-        "unit-scale",
-        "its fall-off counts metres on one side and Blender units on the other: unit scale squared",
-        1.0,
-        _FALLING_OFF,
-        power=2,
-    ),
-    Cause(
-        "area-four-over-pi",
-        "area light powers of before Blender 4.0, P/(4A) in place of P/(πA): π/4 or 4/π",
-        4.0 / math.pi,
-        "AREA",
-    ),
+    Cause("unit-scale", _UNITS, 1.0, _FALLING_OFF, power=2),
+    Cause("area-four-over-pi", _BEFORE_4, 4.0 / math.pi, "AREA"),
     Cause("efficacy-cycles-ies", _LUMENS.format(CYCLES_IES), PHOTOPIC / CYCLES_IES, _FALLING_OFF),
     Cause("efficacy-radiance", _LUMENS.format(RADIANCE), PHOTOPIC / RADIANCE, _FALLING_OFF),
     Cause("pi", "radiance taken for radiosity: π", math.pi),
     Cause("four-pi", "intensity taken for power: 4π", 4.0 * math.pi, "POINT SPOT"),
 )
-Matches = list[tuple[Cause, float]]
 
 
 def _near(value: float, predicted: float, error: float, sigmas: float = SIGMAS) -> bool:
     return abs(value - predicted) <= sigmas * error + SLACK * predicted
 
 
-def match_factor(factor: float, error: float, types: set[str], scale: float) -> Matches:
+def match_factor(
+    factor: float, error: float, types: set[str], scale: float
+) -> list[tuple[Cause, float]]:
     """Return the causes that explain a factor of lights of all `types`, with what each predicts."""
     if error > MAX_ERROR * max(abs(factor), 1.0):
         return []
@@ -129,27 +104,17 @@ class Diagnosis:
 
 @dataclass(frozen=True)
 class Case:
-    """A comparison, and all that may tell why it differs.
-
-    Attributes
-    ----------
-    types : light type by name.
-    tolerance, alpha, agree_alpha : of the lights; levels of the tests for `differ` and `agree`.
-    alternatives : for a light's name, by code of a cause, the (p,)-flattened cell sums of the layer
-        that the light would have under it.
-    unit_scale_m, film_exposure : of the file.
-    bearable : the error of a factor beyond which lights join, since samples would not do.
-    """
+    """A comparison, and all that may tell why it differs; see `judge`."""
 
     cells: Cells
-    types: Mapping[str, str]
+    types: Mapping[str, str]  # by name of the light
     tolerance: float
-    alpha: float
-    agree_alpha: float
-    alternatives: Mapping[str, Mapping[str, Array]]
+    alpha: float  # level of the tests for `differ`
+    agree_alpha: float  # and for `agree`
+    alternatives: Mapping[str, Mapping[str, Array]]  # cell sums (p,)
     unit_scale_m: float
     film_exposure: float | None
-    bearable: float = math.inf
+    bearable: float = math.inf  # error of a factor beyond which lights join: samples would not do
 
     @cached_property
     def pools(self) -> Pools:
@@ -160,6 +125,10 @@ class Case:
     def problem(self) -> Problem:
         """The fit of all lights."""
         return problem_from_cells(self.cells, self.pools).joined(self.bearable)
+
+    def members(self, g: int) -> list[str]:
+        """Return the names of the lights of group `g`."""
+        return [self.cells.names[j] for j in self.problem.groups[g]]
 
     def verdicts(self, known: Estimates) -> list[Verdict]:
         """Return those of the groups from their factors."""
@@ -265,7 +234,7 @@ def _with_shapes(columns: Array, named: Mapping[int, Named]) -> Array:
 def _by_factor(case: Case, g: int, known: Estimates) -> tuple[bool, Named]:
     """Return whether one cause alone explains the factor of group `g`, and that or what may."""
     value, error = known.value[g], known.error[g]
-    types = {case.types[case.cells.names[j]] for j in case.problem.groups[g]}
+    types = {case.types[name] for name in case.members(g)}
     matches = match_factor(value, error, types, case.unit_scale_m)
     if len(matches) == 1:
         cause, predicted = matches[0]
@@ -305,10 +274,10 @@ def _exposure(case: Case) -> tuple[float, bool] | None:
 
 
 def _exposed(case: Case, factor: float, verdicts: list[Verdict]) -> Diagnosis:
-    stated = case.film_exposure
-    said = "" if stated is None else f"; the file says {stated:.5g}"
-    message = f"everything is {factor:.5g} times ours{said}"
-    finding = Finding("film-exposure", "error", "", message, 100.0 * (factor - 1.0))
+    said = f"everything is {factor:.5g} times ours"
+    if case.film_exposure is not None:
+        said += f"; the file says {case.film_exposure:.5g}"
+    finding = Finding("film-exposure", "error", "", said, 100.0 * (factor - 1.0))
     causes = ["film-exposure" if v == "differ" else None for v in verdicts]
     return Diagnosis(case.problem.known, verdicts, causes, [finding])
 
@@ -321,9 +290,8 @@ def _without_tiles(case: Case, columns: Array) -> Estimates | None:
     """
     where = tuple(case.pools.where.T)
     kept = np.ones(kept_tiles(case.cells).shape, bool)
-    rows, width = case.cells.ours.shape[:2]
     for _ in range(len(case.pools.where) // 4 + 1):
-        cells = kept.repeat(CELLS_A_TILE, axis=0).repeat(CELLS_A_TILE, axis=1)[:rows, :width]
+        cells = spread_out(kept.astype(float), case.cells.ours.shape)
         known = case.problem.factors(columns, np.repeat(cells, 3))
         left = case.left(columns, known)
         if not case.is_structure(case.misfit(left, kept[where])):
@@ -366,11 +334,8 @@ def diagnose(case: Case, verdicts: list[Verdict]) -> Diagnosis:
     A proven film exposure comes first; then the shapes that leave least unexplained; what is left
     in few tiles is local, and the lights are judged by the others; what is left all over means that
     the lights cannot be judged; a factor without a signature is only held against a light if it
-    moves more light than what is left. One that all share is a film exposure after all.
-
-    Parameters
-    ----------
-    verdicts : of the groups, from all claims.
+    moves more light than what is left. One that all share is a film exposure after all. `verdicts`
+    are those of the groups, from all claims.
     """
     exposure = _exposure(case)
     if exposure is not None and exposure[1]:
@@ -390,30 +355,25 @@ def diagnose(case: Case, verdicts: list[Verdict]) -> Diagnosis:
     off = {g: found for g, found in off.items() if g not in causes}
     if exposure is not None and not all(certain for certain, _ in off.values()):
         return _exposed(case, exposure[0], verdicts)
-    for g in causes:
-        again[g] = "differ"
     for g, (certain, cause) in off.items():
+        again[g] = "undecided"
         if certain or problem.energy[g] * abs(known.value[g] - 1.0) >= leak:
             causes[g] = cause
-        else:
-            again[g] = "undecided"
-    named = [_finding(case, g, cause) for g, cause in sorted(causes.items())]
+    for g in causes:
+        again[g] = "differ"
+    named = [
+        Finding(
+            cause.code, "error", ", ".join(case.members(g)), cause.message, cause.effect_percent
+        )
+        for g, cause in sorted(causes.items())
+    ]
     codes = [causes[g].code if g in causes else None for g in range(len(again))]
     return Diagnosis(_of_ours(problem, known, columns), again, codes, [*named, *findings])
-
-
-def _finding(case: Case, g: int, cause: Named) -> Finding:
-    members = ", ".join(case.cells.names[j] for j in case.problem.groups[g])
-    return Finding(cause.code, "error", members, cause.message, cause.effect_percent)
 
 
 def _of_ours(problem: Problem, known: Estimates, columns: Array) -> Estimates:
     """Return the factors of the shapes found as factors of our layers' energies."""
     ours = problem.columns.sum(axis=1)
     ratio = np.divide(columns.sum(axis=1), ours, out=np.ones_like(ours), where=ours != 0)
-    return replace(
-        known,
-        value=known.value * ratio,
-        witness_variance=known.witness_variance * ratio**2,
-        our_variance=known.our_variance * ratio**2,
-    )
+    theirs, own = known.witness_variance * ratio**2, known.our_variance * ratio**2
+    return replace(known, value=known.value * ratio, witness_variance=theirs, our_variance=own)

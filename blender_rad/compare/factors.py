@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .pools import CELLS_A_TILE, Array, Cells, Estimates, Pools, block_sums, estimate
+from .pools import CELLS_A_TILE, Array, Cells, Estimates, Pools, block_sums, estimate, spread_out
 from .result import MIN_ENERGY
 
 MAX_INFLATION = 400.0  # a factor 20 times noisier than alone would take 400 times the samples
@@ -45,15 +45,12 @@ def model_weights(cells: Cells, pools: Pools) -> Array:
         c = float(np.median(variance) / np.median(scale) ** 2)
     a = max(a, b * 0.01 * float(pools.frame.scale.mean()), np.finfo(float).tiny ** 0.5)
     total = cells.counts.max(axis=0)
-    tile = block_sums(np.abs(cells.ours), CELLS_A_TILE)
-    mean = tile / np.maximum(block_sums(total, CELLS_A_TILE), 1.0)
-    rows, columns = cells.ours.shape[:2]
-    spread = np.repeat(np.repeat(mean, CELLS_A_TILE, axis=0), CELLS_A_TILE, axis=1)
-    seen = np.abs(cells.seen) / np.maximum(total, 1.0)
-    spread = spread[:rows, :columns]
-    hot = np.maximum(np.abs(cells.ours) / np.maximum(total, 1.0) - HOT * spread, 0.0)
-    noise = a + b * spread + c * (seen.max() * seen + hot**2)
-    weight = 1.0 / (np.maximum(total, 1.0) * noise)
+    number, ours = np.maximum(total, 1.0), np.abs(cells.ours)
+    mean = block_sums(ours, CELLS_A_TILE) / np.maximum(block_sums(total, CELLS_A_TILE), 1.0)
+    spread = spread_out(mean, ours.shape)
+    seen = np.abs(cells.seen) / number
+    hot = np.maximum(ours / number - HOT * spread, 0.0)
+    weight = 1.0 / (number * (a + b * spread + c * (seen.max() * seen + hot**2)))
     return weight / weight.max() * (cells.counts > 0)
 
 
@@ -125,35 +122,22 @@ def fit(layers: Array, noise: Array, target: Array, weights: Array, variance: Ar
         factors.append(part @ solve.T)
         through += solve / len(weights)
     through = np.sqrt(through**2 * variance)
-    ours = np.sum(_by_channel(through).sum(axis=2) ** 2, axis=1)
+    cells = through.reshape(len(layers), layers.shape[1] // 3, 3)
+    ours = np.sum(cells.sum(axis=2) ** 2, axis=1)
     return estimate(np.concatenate(factors), ours, np.ones(len(layers)))
-
-
-def _by_channel(values: Array) -> Array:
-    """Return `values` (j, p), channels running fastest, as (j, p/3, 3)."""
-    return values.reshape(len(values), values.shape[1] // 3, 3)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The lights' fit, ready to be asked again with other layers.
+    """The lights' fit, ready to be asked again with other layers."""
 
-    Attributes
-    ----------
-    groups : indices into `Cells.names`.
-    columns, noise : (g, p) the groups' layers, sums over cells, and a draw of their noise.
-    target : (r, p) witness less directly seen emission.
-    weights : (r, p) or (1, p).
-    seen, variance : (p,).
-    """
-
-    groups: list[list[int]]
-    columns: Array
-    noise: Array
-    target: Array
-    weights: Array
-    seen: Array
-    variance: Array
+    groups: list[list[int]]  # of indices into `Cells.names`
+    columns: Array  # (g, p) the groups' layers, sums over cells
+    noise: Array  # (g, p) a draw of their noise
+    target: Array  # (r, p) witness less directly seen emission
+    weights: Array  # (r, p) or (1, p)
+    seen: Array  # (p,)
+    variance: Array  # (p,)
 
     def joined(self, bearable: float) -> Problem:
         """Return it with groups joined until each that is judged has an error that is `bearable`.
@@ -185,8 +169,7 @@ class Problem:
 
     def channel_energy(self) -> Array:
         """Share of each group's channels in the absolute energy of all, (g, 3)."""
-        channels = np.abs(_by_channel(self.columns).sum(axis=1))
-        return channels / self._total
+        return np.abs([self.columns[:, c::3].sum(axis=1) for c in range(3)]).T / self._total
 
     @property
     def _total(self) -> float:

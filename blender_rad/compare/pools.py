@@ -40,28 +40,24 @@ def block_sums(image: Array, size: int, first: int = -3) -> Array:
     return image
 
 
+def spread_out(tiles: Array, shape: tuple[int, ...]) -> Array:
+    """Return values of tiles (th, tw, ...) for each of their cells, `shape` (ch, cw, ...)."""
+    cells = tiles.repeat(CELLS_A_TILE, axis=0).repeat(CELLS_A_TILE, axis=1)
+    return cells[: shape[0], : shape[1]]
+
+
 @dataclass(frozen=True)
 class Cells:
-    """Sums over the compared pixels of each cell of 4×4 pixels.
+    """Sums over the compared pixels of each cell of 4×4 pixels; replicates are seeds, or parts."""
 
-    Attributes
-    ----------
-    counts : (r, ch, cw, 1) compared pixels of each replicate, or (1, ch, cw, 1) where all are
-        alike.
-    witness : (r, ch, cw, 3) radiance of each replicate (a seed, or a subset of cells).
-    ours, seen, variance : (ch, cw, 3) our radiance, directly seen emission, and variance of the
-        sum of our radiance.
-    layers, noise : (j, ch, cw, 3) our lights, in the order of `names`, and a draw of their noise.
-    """
-
-    names: tuple[str, ...]
-    counts: Array
-    witness: Array
-    ours: Array
-    seen: Array
-    variance: Array
-    layers: Array
-    noise: Array
+    names: tuple[str, ...]  # of our lights
+    counts: Array  # (r, ch, cw, 1) compared pixels, or (1, ch, cw, 1) where all are alike
+    witness: Array  # (r, ch, cw, 3)
+    ours: Array  # (ch, cw, 3), as are the next two
+    seen: Array  # directly seen emission
+    variance: Array  # of the sum of ours
+    layers: Array  # (j, ch, cw, 3) our lights
+    noise: Array  # likewise, a draw of their noise
 
     def residual(self, model: Array) -> Array:
         """Return what a picture of cell sums (ch, cw, 3) leaves of the witness, (r, ch, cw, 3)."""
@@ -70,21 +66,16 @@ class Cells:
 
 def cells_from_seeds(film: Film, seeds: Picture, compared: Mask) -> Cells:
     """Return the cells of witness renders (s, h, w, 3): every seed sees every cell."""
-    ours = cell_sums(film.radiance, compared)
+    ours, seen, variance = (
+        cell_sums(image, compared) for image in (film.radiance, film.seen, film.variance)
+    )
     layers, noise = (
         np.array([cell_sums(one[name], compared) for name in film.lights]).reshape(-1, *ours.shape)
         for one in (film.lights, film.noise)
     )
-    return Cells(
-        tuple(film.lights),
-        block_sums(compared[..., None].astype(float), CELL)[None],
-        np.stack([cell_sums(seed, compared) for seed in seeds]),
-        ours,
-        cell_sums(film.seen, compared),
-        cell_sums(film.variance, compared),
-        layers,
-        noise,
-    )
+    counts = block_sums(compared[..., None].astype(float), CELL)[None]
+    witness = np.stack([cell_sums(seed, compared) for seed in seeds])
+    return Cells(tuple(film.lights), counts, witness, ours, seen, variance, layers, noise)
 
 
 def cell_sums(image: Picture, compared: Mask) -> Array:
@@ -107,20 +98,13 @@ def split_in_space(cells: Cells) -> Cells:
 
 @dataclass(frozen=True)
 class Estimates:
-    """Numbers with their noise; all (n,).
-
-    Attributes
-    ----------
-    witness_variance, our_variance : of `value`.
-    df : degrees of freedom of the sum of both (Welch and Satterthwaite).
-    scale : what tolerances are relative to.
-    """
+    """Numbers with their noise; all (n,)."""
 
     value: Array
     witness_variance: Array
     our_variance: Array
-    df: Array
-    scale: Array
+    df: Array  # degrees of freedom of the sum of both (Welch and Satterthwaite)
+    scale: Array  # what tolerances are relative to
 
     @property
     def error(self) -> Array:
@@ -150,18 +134,13 @@ def estimate(replicates: Array, our_variance: Array, scale: Array) -> Estimates:
 class Pools:
     """Mean differences (witness less ours) of the frame and of each tile, by channel.
 
-    Attributes
-    ----------
-    frame, tiles : differences; (3,) and (t·3,), channels running fastest; their scale is our mean,
-        floored as the tolerance needs it.
-    pixels : (t·3,) compared pixels of the tile.
-    where : (t, 2) row and column of each tile in the grid of tiles.
+    Their scale is our mean, floored as the tolerance needs it.
     """
 
-    frame: Estimates
-    tiles: Estimates
-    pixels: Array
-    where: NDArray[np.int64]
+    frame: Estimates  # (3,)
+    tiles: Estimates  # (t·3,), channels running fastest
+    pixels: Array  # (t·3,) compared pixels of the tile
+    where: NDArray[np.int64]  # (t, 2) row and column of each tile in the grid of tiles
 
     def worst(self, difference: Array) -> tuple[float, int, int]:
         """Return the largest of `difference` (t·3) over the scale, and its tile's first (x, y)."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -26,7 +27,7 @@ class LightInfo:
 
 @dataclass(frozen=True)
 class PixelCounts:
-    """How many pixels fall into each class, for display only; no verdict rests on them."""
+    """How many pixels fall into each class; no verdict rests on them."""
 
     compared: int
     agree: int
@@ -36,28 +37,23 @@ class PixelCounts:
 
 
 @dataclass(frozen=True)
-class LightResult:
-    """One light in the witness.
+class LightResult(LightInfo):
+    """One light in the witness; `undecided` too below 1 % of the energy, where it is not judged.
 
     Attributes
     ----------
     group : shared by lights that cannot be told apart, else None; their factor is the group's.
     energy_fraction : share of the sum of our lights' absolute energies in the compared pixels.
-    scale_in_witness : the factor on our light that best explains the witness (1 = agrees); nan for
-        a light that puts nothing into the compared pixels.
-    standard_error : of that factor.
-    verdict : `undecided` too for lights below 1 % of the energy, which are not judged.
-    diagnosis : code of the named cause, or None.
+    scale_in_witness : the factor on our light that best explains the witness (1 = agrees), with its
+        standard error; nan for a light that puts nothing into the compared pixels.
+    diagnosis : code of the named cause.
     """
 
-    name: str
-    type: str
-    count: int
-    group: str | None
-    energy_fraction: float
-    scale_in_witness: float
-    standard_error: float
-    verdict: Verdict
+    group: str | None = None
+    energy_fraction: float = 0.0
+    scale_in_witness: float = math.nan
+    standard_error: float = math.nan
+    verdict: Verdict = "undecided"
     diagnosis: str | None = None
 
 

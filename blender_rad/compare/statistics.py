@@ -11,9 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_CONVERGED = 1e-14
-_MAX_TERMS = 2000
-_TINY = 1e-300
 _log_gamma = np.frompyfunc(math.lgamma, 1, 1)
 
 
@@ -21,28 +18,27 @@ def _continued_fraction(a: Array, b: Array, x: Array) -> Array:
     """Return the continued fraction of I_x(a, b) by Lentz's method; needs x < (a+1)/(a+b+2)."""
     c, d = np.ones_like(x), 1.0 / (1.0 - (a + b) * x / (a + 1.0))
     value = d
-    for m in range(1, _MAX_TERMS):
+    for m in range(1, 2000):
         even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))
         odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
         for term in (even, odd):
             d, c = 1.0 + term * d, 1.0 + term / c
-            d = 1.0 / np.where(np.abs(d) < _TINY, _TINY, d)
-            c = np.where(np.abs(c) < _TINY, _TINY, c)
+            d, c = (np.where(np.abs(v) < 1e-300, 1e-300, v) for v in (d, c))
+            d = 1.0 / d
             value = value * c * d
-        if np.all(np.abs(c * d - 1.0) < _CONVERGED):
+        if np.all(np.abs(c * d - 1.0) < 1e-14):
             return value
     raise ArithmeticError("the incomplete beta function did not converge")
 
 
-def incomplete_beta(a: ArrayLike, b: ArrayLike, x: ArrayLike, one_minus_x: ArrayLike) -> Array:
-    """Return the regularised incomplete beta function I_x(a, b), accurate in both tails.
+def _incomplete_beta(a: Array, b: Array, x: Array, one_minus_x: Array) -> Array:
+    """Return the regularised I_x(a, b), accurate in both tails.
 
     I_x(a, b) = x^a (1−x)^b / (a B(a, b)) · CF(a, b, x) (NIST DLMF 8.17.22), and
     I_x(a, b) = 1 − I_{1−x}(b, a) where that converges faster. 1−x comes without cancellation.
     """
-    a, b, x, y = np.broadcast_arrays(*(np.asarray(v, float) for v in (a, b, x, one_minus_x)))
     swap = x > (a + 1.0) / (a + b + 2.0)
-    p, q, u, v = np.where(swap, (b, a, y, x), (a, b, x, y))
+    p, q, u, v = np.where(swap, (b, a, one_minus_x, x), (a, b, x, one_minus_x))
     log_beta = np.asarray(_log_gamma(p) + _log_gamma(q) - _log_gamma(p + q), float)
     with np.errstate(divide="ignore"):
         front = np.exp(p * np.log(u) + q * np.log(v) - log_beta) / p
@@ -61,9 +57,9 @@ def t_survival(t: ArrayLike, df: ArrayLike) -> Array:
     0.25
     """
     t, df = np.broadcast_arrays(np.asarray(t, float), np.asarray(df, float))
-    bounded = np.clip(t, -1e150, 1e150)
-    square = bounded**2
-    tail = 0.5 * incomplete_beta(0.5 * df, 0.5, df / (df + square), square / (df + square))
+    square = np.clip(t, -1e150, 1e150) ** 2
+    x, y = df / (df + square), square / (df + square)
+    tail = 0.5 * _incomplete_beta(0.5 * df, np.full_like(df, 0.5), x, y)
     return np.where(t >= 0, tail, 1.0 - tail)
 
 

@@ -90,19 +90,13 @@ def judge(
         cells = parts if copies or not _share_errors(cells, parts) else cells
     infos = {**{name: LightInfo(name, "") for name in film.lights}, **{i.name: i for i in lights}}
     alpha = (1.0 - confidence) / (2.0 ** (round_index + 1) if independent else 1.0)
-    case = Case(
-        cells,
-        {name: info.type for name, info in infos.items()},
-        tolerance,
-        alpha,
-        0.0 if copies else alpha,
-        {
-            light: {code: cell_sums(layer, compared).ravel() for code, layer in layers.items()}
-            for light, layers in (alternatives or {}).items()
-        },
-        unit_scale_m,
-        film_exposure,
-    )
+    types = {name: info.type for name, info in infos.items()}
+    others = {
+        light: {code: cell_sums(layer, compared).ravel() for code, layer in layers.items()}
+        for light, layers in (alternatives or {}).items()
+    }
+    agree_alpha = 0.0 if copies else alpha
+    case = Case(cells, types, tolerance, alpha, agree_alpha, others, unit_scale_m, film_exposure)
     # An error of τ/(t + 1) leaves a difference of one error within the tolerance τ.
     bearable = tolerance * math.sqrt(budget) / (critical_value(alpha / 2.0, MAX_DF) + 1.0)
     return _judge(_Job(film, pictures, compared, findings, infos, case, bearable))
@@ -159,7 +153,7 @@ def _judge(job: _Job) -> Comparison:
     mean = job.pictures.mean(axis=0, dtype=float)
     metrics = compute_all(job.film.radiance[job.compared], mean[job.compared])
     if job.has("nothing-compared"):
-        rows = tuple(_row(info) for info in job.infos.values())
+        rows = tuple(_rows(job.infos).values())
         return Comparison("undecided", _pixels(job, mean), metrics, rows, tuple(job.findings))
     case, problem = job.case, job.case.problem
     claims = claims_of(case.pools, problem, case.tolerance)
@@ -187,19 +181,18 @@ def _judge(job: _Job) -> Comparison:
 def _subject(case: Case, group: int) -> str:
     if group in (FRAME, TILES):
         return "the whole picture" if group == FRAME else "a tile"
-    return " + ".join(case.cells.names[j] for j in case.problem.groups[group])
+    return " + ".join(case.members(group))
 
 
-def _row(info: LightInfo) -> LightResult:
-    nan = math.nan
-    return LightResult(info.name, info.type, info.count, None, 0.0, nan, nan, "undecided")
+def _rows(infos: Mapping[str, LightInfo]) -> dict[str, LightResult]:
+    return {name: LightResult(**vars(info)) for name, info in infos.items()}
 
 
 def _light_results(job: _Job, explained: Diagnosis) -> tuple[LightResult, ...]:
     names, problem, factors = job.case.cells.names, job.case.problem, explained.factors
     energies = np.abs(job.case.cells.layers.sum(axis=(1, 2, 3)))
     fractions = energies / (energies.sum() or 1.0)
-    results = {name: _row(info) for name, info in job.infos.items()}
+    results = _rows(job.infos)
     for g, members in enumerate(problem.groups):
         for j in members:
             lit = energies[j] > 0
@@ -215,8 +208,7 @@ def _light_results(job: _Job, explained: Diagnosis) -> tuple[LightResult, ...]:
     if REST in names:
         said = replace(results[REST], group=REST, energy_fraction=0.0)
         for name in results.keys() - set(names):
-            info = job.infos[name]
-            results[name] = replace(said, name=name, type=info.type, count=info.count)
+            results[name] = replace(said, **vars(job.infos[name]))
     return tuple(results.values())
 
 
@@ -225,10 +217,8 @@ def _tile_findings(pools: Pools, off: Mask) -> list[Finding]:
         return []
     relative, x, y = pools.worst(pools.tiles.value * off)
     count = len(np.unique(np.flatnonzero(off) // 3))
-    message = (
-        f"{count} of {len(pools.where)} tiles differ; the worst, at pixel ({x}, {y}) from "
-        f"the upper left, by {100 * relative:+.2f} %"
-    )
+    message = f"{count} of {len(pools.where)} tiles differ; the worst, at pixel ({x}, {y}) from "
+    message += f"the upper left, by {100 * relative:+.2f} %"
     return [Finding("tiles-differ", "error", "", message, 100.0 * relative)]
 
 
