@@ -21,18 +21,11 @@ _FLAT = ("perspective", "orthographic")
 
 
 class CameraRays(NamedTuple):
-    """Rays that start at the near clipping plane.
+    """Rays that start at the near clipping plane."""
 
-    Attributes
-    ----------
-    origins, directions : (n, 3) [bu], directions of unit length.
-    reach : (n,) [bu] distance along the ray to the far clipping plane; -inf where a panorama shows
-        nothing, not even the world.
-    """
-
-    origins: Floats
-    directions: Floats
-    reach: Floats
+    origins: Floats  # (n, 3) [bu]
+    directions: Floats  # (n, 3) unit
+    reach: Floats  # (n,) [bu] to the far clipping plane; -inf where a panorama shows nothing
 
 
 def camera_rays(
@@ -111,7 +104,7 @@ def _fisheye(kind: str, curve: list[float], field: float, r: Floats) -> tuple[Fl
     if kind == "fisheye_equisolid":
         angle = 2.0 * np.arcsin(np.minimum(r / (2.0 * curve[0]), 1.0))
     else:
-        angle = -polyval(r, curve)
+        angle = -np.asarray(polyval(r, curve), dtype=np.float64)
     return angle, np.abs(angle) <= 0.5 * field
 
 

@@ -48,38 +48,34 @@ DRAWN = -3  # number of the points that closures are sampled by
 class Visibility:
     """Who hides what from whom: rays among a scene's instances by their ray visibility.
 
-    Attributes
-    ----------
-    camera : what camera rays hit.
-    opaque, stopping : what stops shadow rays for certain, and which instances these are.
-    passing, letting : what may let some of their light pass.
+    Casters are `camera`, of what camera rays hit, `opaque`, of the instances `stopping` shadow rays
+    for certain, and `passing`, of those `letting` some of their light pass.
     """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        instances = scene.instances
-        solid = [k for k, i in enumerate(instances) if len(scene.meshes[i.mesh].triangles)]
-        shadowing = [k for k in solid if instances[k].visible_shadow]
-        self.stopping = [k for k in shadowing if self._stops_light(k)]
-        self.letting = [k for k in shadowing if not self._stops_light(k)]
-        seen = [k for k in solid if instances[k].visible_camera]
-        self.camera = Caster(scene.meshes, instances, seen)
+        meshes, instances = scene.meshes, scene.instances
+        stops = [m.opaque and not m.passes for m in scene.materials]
+        seen, self.stopping, self.letting = list[int](), list[int](), list[int]()
+        for k, instance in enumerate(instances):
+            if not len(meshes[instance.mesh].triangles):
+                continue
+            if instance.visible_camera:
+                seen.append(k)
+            if instance.visible_shadow:
+                opaque = all(stops[m] for m in instance.materials)
+                (self.stopping if opaque else self.letting).append(k)
+        self.camera = Caster(meshes, instances, seen)
         alike = seen == self.stopping
-        self.opaque = self.camera if alike else Caster(scene.meshes, instances, self.stopping)
-        self.passing = Caster(scene.meshes, instances, self.letting)
-
-    def _stops_light(self, instance: int) -> bool:
-        materials = [self._scene.materials[m] for m in self._scene.instances[instance].materials]
-        return all(m.opaque and not m.passes for m in materials)
+        self.opaque = self.camera if alike else Caster(meshes, instances, self.stopping)
+        self.passing = Caster(meshes, instances, self.letting)
 
     def cause(self, instance: int) -> Unsupported:
         """Return why light through the unknown `instance` cannot be followed."""
         placed = self._scene.instances[instance]
-        for index in placed.materials:
-            material = self._scene.materials[index]
-            if not material.opaque and material.unsupported:
-                return material.unsupported[0]
-        return Unsupported("object", placed.name, "Transparency")
+        materials = [self._scene.materials[index] for index in placed.materials]
+        known = [cause for m in materials if not m.opaque for cause in m.unsupported]
+        return known[0] if known else Unsupported("object", placed.name, "Transparency")
 
 
 class Exclusion(NamedTuple):
@@ -90,22 +86,13 @@ class Exclusion(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """What one emitter sends to a batch of points.
-
-    Attributes
-    ----------
-    emitter : the light; its `rgb` times `irradiance` is in W/m².
-    irradiance : (n,) estimates.
-    exclusions : points for which they can't be trusted.
-    tint : (n, 3) factor on the light's `rgb`; None for 1.
-    scattered : (n, 3) radiance that closures send to the viewer; None without any.
-    """
+    """What one emitter sends to a batch of points."""
 
     emitter: Emitter
-    irradiance: Floats
-    exclusions: list[Exclusion]
-    tint: Floats | None = None
-    scattered: Floats | None = None
+    irradiance: Floats  # (n,) estimates; times the light's `rgb` in W/m²
+    exclusions: list[Exclusion]  # points for which they can't be trusted
+    tint: Floats | None = None  # (n, 3) factor on the light's `rgb`; None for 1
+    scattered: Floats | None = None  # (n, 3) radiance that closures send to the viewer
 
     @property
     def rgb(self) -> Floats:
@@ -118,22 +105,14 @@ Share = Callable[[int, Floats, Floats], Floats]  # emitter's number, f (n,), f V
 
 
 class Sightings:
-    """How much of each emitter the streams of a pixel have seen.
-
-    Parameters
-    ----------
-    emitters, places, streams : how many there are.
-    """
+    """How much of so many emitters the `streams` of so many pixels have seen."""
 
     def __init__(self, emitters: int, places: int, streams: int) -> None:
         self._sums = np.zeros((emitters, places * streams), dtype=np.complex64)  # f + i f V
         self._streams = streams
 
     def of(self, place: Ints, stream: Ints) -> Share:
-        """Return what counts samples, no two of one stream, and tells c; 1 before any is known.
-
-        `place` and `stream` (n,) tell where they belong.
-        """
+        """Return what counts samples of pixels and streams (n,), and tells c; 1 before any."""
         streams, first = self._streams, place * self._streams
         own = first + stream
         others = [first + (stream + k) % streams for k in range(1, streams)]
@@ -153,14 +132,36 @@ class Sightings:
         return share
 
 
+class _Asked(NamedTuple):
+    """What `DirectLight.arrivals` is asked."""
+
+    surface: Surface
+    share: Share
+    uniform: Callable[[int], Floats]
+    passed: int
+    scattering: Scattering | None
+
+
+class _Reaching(NamedTuple):
+    """Irradiance (n,) over `rgb` of samples, and what `DirectLight.seen` tells of those `lit`."""
+
+    value: Floats
+    lit: Ints
+    seen: Bools | Floats
+    through: Floats | None
+    exclusions: list[Exclusion]
+
+    def passed(self, values: Floats) -> Floats:
+        """Return what comes through of `values` (n, 3)."""
+        share = np.zeros_like(values)
+        share[self.lit] = self.seen[:, None] if self.through is None else self.through
+        return values * share
+
+
 class DirectLight:
     """The direct light of a scene, anywhere.
 
-    Attributes
-    ----------
-    geometry, visibility : of the scene.
-    emitters : lights that are sampled everywhere; `names` are those of their layers.
-    crowds : the other lights.
+    `emitters` are sampled everywhere, the others are in `crowds`; `names` are those of layers.
     """
 
     crowds: Sequence[Crowd] = ()
@@ -191,116 +192,119 @@ class DirectLight:
         passed : transparent surfaces in front of them.
         scattering : closures at the points.
         """
+        asked = _Asked(surface, share, uniform, passed, scattering)
         if scattering is not None:
             scattering.draw(uniform(DRAWN))
         for crowd in self.crowds:
-            yield from self._from_crowd(crowd, surface, uniform, passed, scattering)
+            yield from self._from_crowd(crowd, asked)
         for number, emitter in enumerate(self.emitters):
-            light = emitter.light
-            unlit = self.links.unlit(light.name, surface.instance)
+            unlit = self.links.unlit(emitter.light.name, surface.instance)
             if scattering is not None:
-                found = scattering.found(light)
-                yield from self._met(emitter, surface, found, unlit, passed)
-            sample = light.sample(surface.point, surface.normal, uniform(number))
-            value, cosine = self._received(surface, sample)
-            if "diffuse" not in light.reaches:
-                value[:] = 0.0
-            glow = None
-            if scattering is not None:
-                glow = scattering.lit(sample, light.reaches, found=light.is_found)
-            _darken(unlit, value, glow)
-            lit = _lit(value, glow)
-            if not len(lit):
-                continue
-            seen, through, exclusions = self.seen(
-                emitter, surface, sample, cosine, lit, passed=passed
-            )
-            if emitter.cause is not None:
-                reached = Exclusion(lit[seen > 0.0], emitter.cause)
-                yield Arrival(emitter, np.zeros(len(value)), [reached, *exclusions])
-                continue
-            irradiance = np.zeros(len(value))
-            irradiance[lit] = value[lit] * seen
-            exact = self._exact(emitter, surface)
-            if exact is not None:
-                out = ~np.isfinite(exact) if unlit is None else unlit | ~np.isfinite(exact)
-                exact = np.where(out, value, exact)
-                irradiance += share(number, value, irradiance) * (exact - value)
-            tint = sample.tint
-            if through is not None:
-                coloured = np.ones((len(value), 3))
-                missing = value[lit, None] * (through - seen[:, None])
-                coloured[lit] += _over(missing, irradiance[lit])
-                tint = coloured if tint is None else coloured * tint
-            if glow is not None:
-                glow = _passed(glow * light.rgb, lit, seen, through)
-            yield Arrival(emitter, irradiance, exclusions, tint, glow)
+                yield from self._met(emitter, asked, scattering.found(emitter.light), unlit)
+            yield from self._sampled(number, asked, unlit)
 
-    def _received(self, surface: Surface, sample: LightSample) -> tuple[Floats, Floats]:
-        """Return the irradiance (n,) over `rgb` of unhidden samples, and their cosines (n,)."""
-        cosine = dot(surface.normal, sample.wi)
-        value = np.where(cosine > 0.0, sample.weight * cosine, 0.0)
-        if self.geometry.shading_is_shifted:
-            value *= self._terminator_shading(surface, cosine)
-        return value, cosine
+    def _sampled(self, number: int, asked: _Asked, unlit: Bools | None) -> Iterator[Arrival]:
+        """Yield what a sample of the emitter of that number finds, if anything."""
+        surface, scattering = asked.surface, asked.scattering
+        emitter = self.emitters[number]
+        light = emitter.light
+        sample = light.sample(surface.point, surface.normal, asked.uniform(number))
+        glow = None
+        if scattering is not None:
+            glow = scattering.lit(sample, light.reaches, found=light.is_found)
+        reaching = self._reaching(
+            emitter, asked, sample, glow, unlit, lambert="diffuse" in light.reaches
+        )
+        if reaching is None:
+            return
+        value, lit, seen, through, exclusions = reaching
+        irradiance = np.zeros(len(value))
+        if emitter.cause is not None:
+            yield Arrival(emitter, irradiance, exclusions)
+            return
+        irradiance[lit] = value[lit] * seen
+        exact = self._exact(emitter, surface)
+        if exact is not None:
+            out = ~np.isfinite(exact) if unlit is None else unlit | ~np.isfinite(exact)
+            exact = np.where(out, value, exact)
+            irradiance += asked.share(number, value, irradiance) * (exact - value)
+        tint = sample.tint
+        if through is not None:
+            coloured = np.ones((len(value), 3))
+            missing = value[lit, None] * (through - seen[:, None])
+            coloured[lit] += _over(missing, irradiance[lit])
+            tint = coloured if tint is None else coloured * tint
+        scattered = None if glow is None else reaching.passed(glow * light.rgb)
+        yield Arrival(emitter, irradiance, exclusions, tint, scattered)
 
     def _met(
         self,
         emitter: Emitter,
-        surface: Surface,
+        asked: _Asked,
         found: tuple[LightSample, Floats] | None,
-        unlit: Bools | None,
-        passed: int,
+        unlit: Bools | None = None,
     ) -> Iterator[Arrival]:
         """Yield what of the emitter the samples of closures have `found`, if anything."""
         if found is None:
             return
         sample, glow = found
-        _darken(unlit, glow)
-        nothing = np.zeros(len(glow))
-        lit = _lit(nothing, glow)
-        if not len(lit):
-            return
-        cosine = dot(surface.normal, sample.wi)
-        seen, through, exclusions = self.seen(emitter, surface, sample, cosine, lit, passed=passed)
-        if emitter.cause is not None:
-            exclusions = [Exclusion(lit[seen > 0.0], emitter.cause), *exclusions]
-        glow = _passed(glow * emitter.light.rgb, lit, seen, through)
-        yield Arrival(emitter, nothing, exclusions, scattered=glow)
+        reaching = self._reaching(emitter, asked, sample, glow, unlit, lambert=False)
+        if reaching is not None:
+            scattered = reaching.passed(glow * emitter.light.rgb)
+            yield Arrival(emitter, reaching.value, reaching.exclusions, scattered=scattered)
 
-    def _from_crowd(
-        self,
-        crowd: Crowd,
-        surface: Surface,
-        uniform: Callable[[int], Floats],
-        passed: int,
-        scattering: Scattering | None,
-    ) -> Iterator[Arrival]:
+    def _from_crowd(self, crowd: Crowd, asked: _Asked) -> Iterator[Arrival]:
         """Yield the light of a crowd."""
+        surface, scattering = asked.surface, asked.scattering
         if scattering is not None:
             for look in crowd.looks(*scattering.gaze):
-                found = scattering.met(look, RAYS)
-                yield from self._met(crowd.emitter, surface, found, None, passed)
+                yield from self._met(crowd.emitter, asked, scattering.met(look, RAYS))
         total, exclusions = np.zeros((len(surface.point), 3)), list[Exclusion]()
         scattered = None if scattering is None else np.zeros_like(total)
-        for sample, rgb in crowd.sample(surface.point, surface.normal, uniform):
-            value, cosine = self._received(surface, sample)
+        for sample, rgb in crowd.sample(surface.point, surface.normal, asked.uniform):
             glow = None
             if scattering is not None:
                 glow = scattering.lit(sample, RAYS, found=True) * rgb
-            lit = _lit(value, glow)
-            if not len(lit):
+            reaching = self._reaching(crowd.emitter, asked, sample, glow)
+            if reaching is None:
                 continue
-            seen, through, found = self.seen(
-                crowd.emitter, surface, sample, cosine, lit, passed=passed
-            )
-            exclusions += found
-            passing = seen[:, None] if through is None else through
-            total[lit] += value[lit, None] * rgb[lit] * passing
+            exclusions += reaching.exclusions
+            total += reaching.passed(reaching.value[:, None] * rgb)
             if glow is not None and scattered is not None:
-                scattered += _passed(glow, lit, seen, through)
+                scattered += reaching.passed(glow)
         brightest = np.abs(total).max(axis=1)
         yield Arrival(crowd.emitter, brightest, exclusions, _over(total, brightest), scattered)
+
+    def _reaching(
+        self,
+        emitter: Emitter,
+        asked: _Asked,
+        sample: LightSample,
+        glow: Floats | None,
+        unlit: Bools | None = None,
+        *,
+        lambert: bool = True,
+    ) -> _Reaching | None:
+        """Return what reaches Lambert surfaces, or closures that make `glow` of it; None without.
+
+        Where the light is not for the points, `unlit` (n,), glow becomes 0.
+        """
+        surface, cosine = asked.surface, dot(asked.surface.normal, sample.wi)
+        value = np.where(cosine > 0.0, sample.weight * cosine, 0.0) if lambert else 0.0 * cosine
+        if lambert and self.geometry.shading_is_shifted:
+            value *= self._terminator_shading(surface, cosine)
+        for dark in (value, glow) if unlit is not None else ():
+            if dark is not None:
+                dark[unlit] = 0.0
+        lit = np.flatnonzero(value if glow is None else (value != 0.0) | glow.any(axis=1))
+        if not len(lit):
+            return None
+        seen, through, exclusions = self.seen(
+            emitter, surface, sample, cosine, lit, passed=asked.passed
+        )
+        if emitter.cause is not None:
+            exclusions = [Exclusion(lit[seen > 0.0], emitter.cause), *exclusions]
+        return _Reaching(value, lit, seen, through, exclusions)
 
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
         """Return the unoccluded irradiance (n,), nan where no closed form holds."""
@@ -358,25 +362,6 @@ class DirectLight:
         through = np.zeros((len(lit), 3))
         through[rows] = share
         return through.mean(axis=1), through, exclusions
-
-
-def _darken(unlit: Bools | None, *values: Floats | None) -> None:
-    """Set `values` (n, ...) to 0 where they are `unlit` (n,)."""
-    for each in values if unlit is not None else ():
-        if each is not None:
-            each[unlit] = 0.0
-
-
-def _lit(value: Floats, glow: Floats | None) -> Ints:
-    """Return the points (k,) at which anything of `value` (n,) and `glow` (n, 3) is not 0."""
-    return np.flatnonzero(value if glow is None else (value != 0.0) | glow.any(axis=1))
-
-
-def _passed(glow: Floats, lit: Ints, seen: Bools | Floats, through: Floats | None) -> Floats:
-    """Return what of `glow` (n, 3) comes through, as `DirectLight.seen` tells of `lit` (k,)."""
-    share = np.zeros_like(glow)
-    share[lit] = seen[:, None] if through is None else through
-    return glow * share
 
 
 def _over(values: Floats, divisor: Floats) -> Floats:

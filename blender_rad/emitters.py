@@ -23,18 +23,11 @@ WORLD_NAME = "World"
 
 @dataclass(frozen=True)
 class Emitter:
-    """A light and the layer that it belongs to.
-
-    Attributes
-    ----------
-    light : to be sampled.
-    layer : index into the layers' names, -1 for what only excludes.
-    cause : set where the emission is not known: points that it reaches are out.
-    """
+    """A light and the layer that it belongs to."""
 
     light: Light
-    layer: int
-    cause: Unsupported | None = None
+    layer: int  # index into the layers' names, -1 for what only excludes
+    cause: Unsupported | None = None  # why it is not known: points that it reaches are out
 
 
 def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:

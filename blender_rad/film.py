@@ -19,44 +19,27 @@ STUDENT_18 = 2.101 / 1.960  # 97.5 % quantile of Student's t, 18 degrees of free
 
 @dataclass(frozen=True)
 class Film:
-    """Passes of one view; row 0 is the top of the picture, pixels outside the border are 0.
+    """Passes of one view, (h, w) or (h, w, 3); row 0 is the top, pixels outside the border are 0.
 
-    Attributes
-    ----------
-    radiance : (h, w, 3) [W/(m² sr)], premultiplied with `alpha`.
-    variance : (h, w, 3) unbiased variance of the mean of `radiance`; where a single sample tells
-        nothing, the square of the value. Pixels are independent: over a pool it adds up.
-    alpha : (h, w).
-    lights : radiance by light name, each (h, w, 3) float32; they add up to `radiance` less what
-        the camera sees directly (emitting surfaces and the background), which is `seen`.
-    noise : by light name, half the difference between two independent halves of a layer's samples:
-        a draw of the layer's noise.
-    seen : (h, w, 3) emission that the camera sees directly.
-    shown : what of `seen` is of a light that has a layer, by its name.
-    irradiance : (h, w, 3) [W/m²] on the shading normal.
-    depth : (h, w) [m] along the view axis, inf for background.
-    normal : (h, w, 3) in world axes.
-    samples : (h, w) camera samples a pixel.
-    inside : (h, w) bool, the border.
-    excluded : (h, w) bool, pixels out of the comparison.
-    excluded_by : pixels excluded for each cause.
+    `variance` is the unbiased one of the mean of `radiance`; where a single sample tells nothing,
+    the square of the value. Pixels are independent: over a pool it adds up.
     """
 
-    radiance: Image
+    radiance: Image  # [W/(m² sr)], premultiplied with `alpha`
     variance: Image
     alpha: Image
-    lights: dict[str, NDArray[np.float32]]
-    noise: dict[str, NDArray[np.float32]]
-    seen: Image
-    irradiance: Image
-    depth: Image
-    normal: Image
-    samples: NDArray[np.int64]
-    inside: NDArray[np.bool_]
-    excluded: NDArray[np.bool_]
-    excluded_by: dict[Unsupported, int]
+    lights: dict[str, NDArray[np.float32]]  # by name; with `seen` they add up to `radiance`
+    noise: dict[str, NDArray[np.float32]]  # draws of theirs: half of what halves of samples differ
+    seen: Image  # emission that the camera sees directly: of surfaces and the background
+    irradiance: Image  # [W/m²] on the shading normal
+    depth: Image  # [m] along the view axis, inf for background
+    normal: Image  # in world axes
+    samples: NDArray[np.int64]  # of the camera, a pixel
+    inside: NDArray[np.bool_]  # the border
+    excluded: NDArray[np.bool_]  # out of the comparison
+    excluded_by: dict[Unsupported, int]  # pixels for each cause
     findings: tuple[Finding, ...] = ()
-    shown: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    shown: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # of `seen`, by light
 
     @property
     def standard_error(self) -> Image:

@@ -49,20 +49,12 @@ HERE = {
 
 @dataclass(frozen=True)
 class Response:
-    """How a material answers beams at places (p) and angles (a), by channel; all (p, a, 3).
+    """How a material answers beams at places (p) and angles (a), by channel; all (p, a, 3)."""
 
-    Attributes
-    ----------
-    albedo : share of the light that leaves in all directions.
-    furnace : what is seen in white surroundings.
-    asymmetry : as above.
-    least : the smallest f [1/sr].
-    """
-
-    albedo: Array
-    furnace: Array
-    asymmetry: Array
-    least: Array
+    albedo: Array  # share of the light that leaves in all directions
+    furnace: Array  # what is seen in white surroundings
+    asymmetry: Array  # as above
+    least: Array  # the smallest f [1/sr]
 
 
 @dataclass(frozen=True)

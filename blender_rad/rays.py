@@ -44,32 +44,17 @@ _FAR = 1e37
 
 
 class Hits(NamedTuple):
-    """What rays hit first; -1 and inf where they hit nothing.
+    """What rays (n,) hit first; -1 and inf where they hit nothing."""
 
-    Attributes
-    ----------
-    instance : (n,) index into the instances that the caster was built from.
-    triangle : (n,) index into the triangles of the instance's mesh.
-    u, v : (n,) barycentric weights of the triangle's second and third corner.
-    distance : (n,) in units of the direction's length.
-    """
-
-    instance: NDArray[np.int64]
-    triangle: NDArray[np.int64]
-    u: Floats
+    instance: NDArray[np.int64]  # index into the instances that the caster was built from
+    triangle: NDArray[np.int64]  # index into the triangles of the instance's mesh
+    u: Floats  # barycentric weights of the triangle's second and third corner
     v: Floats
-    distance: Floats
+    distance: Floats  # in units of the direction's length
 
     def take(self, rows: NDArray[np.int64]) -> Hits:
         """Return the hits of the rays `rows` (k,) alone."""
-        instance, triangle, u, v, distance = self
-        return Hits(
-            instance.take(rows),
-            triangle.take(rows),
-            u.take(rows),
-            v.take(rows),
-            distance.take(rows),
-        )
+        return Hits._make(part.take(rows) for part in self)
 
 
 @functools.cache
@@ -116,11 +101,11 @@ def _library_path() -> Path:
 
     package = Path(embreex.__file__).parent
     folders = (package.parent / "embreex.libs", package / ".dylibs", package)
-    for folder in folders:
-        for pattern in ("libembree4*", "embree4*.dll"):
-            for path in sorted(folder.glob(pattern)):
-                return path
-    raise ImportError(f"no Embree library beside {package}; reinstall embreex")
+    patterns = ("libembree4*", "embree4*.dll")
+    found = [path for f in folders for pattern in patterns for path in sorted(f.glob(pattern))]
+    if not found:
+        raise ImportError(f"no Embree library beside {package}; reinstall embreex")
+    return found[0]
 
 
 def embree_version() -> str:
@@ -176,13 +161,10 @@ class Caster:
     ) -> None:
         rtc = _embree()
         geometry = rtc.rtcNewGeometry(rtc.rtcGetSceneDevice(scene), _TRIANGLE)
-        padded = np.zeros((len(vertices) + _PADDING_VERTICES, 3), dtype=np.float32)
-        padded[: len(vertices)] = vertices
+        padded = np.pad(vertices.astype(np.float32), ((0, _PADDING_VERTICES), (0, 0)))
         corners = np.ascontiguousarray(triangles, dtype=np.uint32)
-        for buffer, form, values in (
-            (_VERTEX_BUFFER, _FLOAT3, padded),
-            (_INDEX_BUFFER, _UINT3, corners),
-        ):
+        buffers = (_VERTEX_BUFFER, _FLOAT3, padded), (_INDEX_BUFFER, _UINT3, corners)
+        for buffer, form, values in buffers:
             room = rtc.rtcSetNewGeometryBuffer(geometry, buffer, 0, form, 12, len(values))
             ctypes.memmove(room, values.ctypes.data, values.nbytes)
         self._attach(scene, geometry, number)

@@ -102,4 +102,5 @@ class Points:
         key = _mixed(self._key + np.uint32((dimension * 0xC2B2AE3D + 1) & 0xFFFFFFFF))
         place = _owen_mix(self._index, key) >> np.uint32(32 - _INDEX_BITS)
         points = _BY_REVERSED_INDEX.take(place, axis=1)
-        return (_reverse_bits(_owen_mix(points, _mixed(key + _AXES))) * 2.0**-32).T
+        words = _reverse_bits(_owen_mix(points, _mixed(key + _AXES)))
+        return np.multiply(words, 2.0**-32, dtype=np.float64).T

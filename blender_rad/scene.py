@@ -20,6 +20,8 @@ from .lights import Light, LightRecord, Model, SkyMap
 from .textures import Expression
 from .working_space import REC709, luminance_weights
 
+RGB = tuple[float, float, float]
+BLACK: RGB = (0.0, 0.0, 0.0)
 CLAY_ALBEDO = 0.8
 
 
@@ -34,22 +36,13 @@ class Unsupported:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """A shader node that is more than Lambert.
+    """A shader node that is more than Lambert."""
 
-    Attributes
-    ----------
-    kind : Blender's name of the node, registered in `bsdfs`.
-    weight : factor of the mixes before it.
-    inputs : by the name of the socket.
-    settings : the node's own properties by Blender's names.
-    normal, tangent : what the node's inputs of these names say, None where they are not linked.
-    """
-
-    kind: str
-    weight: Expression
-    inputs: Mapping[str, Expression]
-    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    normal: Expression | None = None
+    kind: str  # Blender's name of the node, registered in `bsdfs`
+    weight: Expression  # factor of the mixes before it
+    inputs: Mapping[str, Expression]  # by the name of the socket
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])  # by Blender's names
+    normal: Expression | None = None  # what its inputs of these names say, None if not linked
     tangent: Expression | None = None
 
 
@@ -57,43 +50,26 @@ class Closure:
 class Material:
     """A surface: Lambert reflection, other closures, and emission from both faces.
 
-    Attributes
-    ----------
-    albedo, albedo_texture : (3,) Lambert reflectance, f_r = albedo/π [1/sr], and what to add to it
-        where it varies.
-    emission, emission_texture : (3,) radiance [W/(m² sr)], from both faces, and what varies.
-    opaque : False where a shadow ray may pass in a way that is not known.
-    transmittance, transmittance_texture : (3,) share of the light that passes straight through, and
-        what to add to it where it varies.
-    closures : what else reflects or lets light through.
-    normal : what the shading normal is in place of the mesh's, of any length.
-    holdout, holdout_texture : (3,) share of the view that is neither light nor alpha, and what to
-        add to it where it varies.
-    held_out : whether that is all that the camera sees of it, and of what it does not let pass.
-    glass : whether light passes it bent: not as direct light.
-    measured : whether it is known only where the camera looks first, through `Scene.measured`.
-    unsupported : what of it the estimator cannot evaluate; camera hits on it are excluded.
-    emission_known : False when it emits in a way that is not known: points that it may reach are
-        excluded.
+    A ``…_texture`` is what to add to the colour of that name where it varies.
     """
 
     name: str
-    albedo: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    opaque: bool = True
-    transmittance: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    emission_known: bool = True
-    unsupported: tuple[Unsupported, ...] = ()
+    albedo: RGB = BLACK  # Lambert reflectance, f_r = albedo/π [1/sr]
+    emission: RGB = BLACK  # radiance [W/(m² sr)], from both faces
+    opaque: bool = True  # False where a shadow ray may pass in a way that is not known
+    transmittance: RGB = BLACK  # share of the light that passes straight through
+    emission_known: bool = True  # False: points that its emission may reach are excluded
+    unsupported: tuple[Unsupported, ...] = ()  # camera hits on it are excluded
     albedo_texture: Expression | None = None
     emission_texture: Expression | None = None
     transmittance_texture: Expression | None = None
-    closures: tuple[Closure, ...] = ()
-    normal: Expression | None = None
-    holdout: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    closures: tuple[Closure, ...] = ()  # what else reflects or lets light through
+    normal: Expression | None = None  # in place of the mesh's shading normal, of any length
+    holdout: RGB = BLACK  # share of the view that is neither light nor alpha
     holdout_texture: Expression | None = None
-    held_out: bool = False
-    glass: bool = False
-    measured: bool = False
+    held_out: bool = False  # that is all that is seen of it, and of what it does not let pass
+    glass: bool = False  # light passes it bent: not as direct light
+    measured: bool = False  # known only where the camera looks first, by `Scene.measured`
 
     @property
     def emits(self) -> bool:
@@ -107,94 +83,56 @@ class Material:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles in object space; shared by all instances that show it.
-
-    Attributes
-    ----------
-    vertices : (n, 3) float32 [bu].
-    triangles : (m, 3) int32 vertex indices, counter-clockwise seen from the front.
-    normals : (m, 3, 3) float32 unit shading normals by corner, or None when all is flat.
-    smooth : (m,) bool, faces shaded smooth (Cycles' shadow terminator offset acts on them alone).
-    slots : (m,) int32 material slot of each triangle.
-    attributes : by name, (m, 3, k) float32 at the corners: UV maps, colours, and what else there
-        is; ``textures.UV`` is the UV map that renders take, and ``textures.GENERATED``, where it is
-        not the place in the texture space.
-    texture_space : centre and half size (3,) of Generated coordinates, None if not known.
-    """
+    """Triangles in object space; shared by all instances that show it."""
 
     name: str
-    vertices: NDArray[np.float32]
-    triangles: NDArray[np.int32]
-    normals: NDArray[np.float32] | None
-    smooth: NDArray[np.bool_]
-    slots: NDArray[np.int32]
+    vertices: NDArray[np.float32]  # (n, 3) [bu]
+    triangles: NDArray[np.int32]  # (m, 3) vertices, counter-clockwise seen from the front
+    normals: NDArray[np.float32] | None  # (m, 3, 3) unit, by corner; None when all is flat
+    smooth: NDArray[np.bool_]  # (m,) where Cycles' shadow terminator offset acts
+    slots: NDArray[np.int32]  # (m,) material slot of each triangle
+    # UV maps, colours, and what else there is, (m, 3, k) at the corners. ``textures.UV`` is the map
+    # that renders take, ``textures.GENERATED`` stands where that is not the place in the space:
     attributes: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    # Centre and half size (3,) of Generated coordinates, None if not known:
     texture_space: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
 @dataclass(frozen=True)
 class Instance:
-    """A mesh placed in the world.
+    """A mesh placed in the world."""
 
-    Attributes
-    ----------
-    name : name of the object it comes from.
-    mesh : index into `Scene.meshes`.
-    world_from_object : (4, 4) float64.
-    materials : index into `Scene.materials` for each slot of the mesh.
-    visible_camera, visible_shadow : ray visibility.
-    visible_diffuse, visible_glossy, visible_transmission : kinds of lobes that its emission lights.
-    terminator_geometry_offset, terminator_shading_offset : Cycles' shadow terminator settings.
-    normals_in_world : whether Cycles moves the shading normals to the world, and makes them unit
-        length there, before it interpolates them (meshes with a single user); else after.
-    proxy : True when the mesh only bounds something that cannot be read (hair, volume).
-    """
-
-    name: str
-    mesh: int
-    world_from_object: NDArray[np.float64]
-    materials: tuple[int, ...]
+    name: str  # of the object that it comes from
+    mesh: int  # index into `Scene.meshes`
+    world_from_object: NDArray[np.float64]  # (4, 4)
+    materials: tuple[int, ...]  # index into `Scene.materials` for each slot of the mesh
     visible_camera: bool = True
     visible_shadow: bool = True
-    visible_diffuse: bool = True
+    visible_diffuse: bool = True  # the kinds of lobes that its emission lights
     visible_glossy: bool = True
     visible_transmission: bool = True
-    terminator_geometry_offset: float = 0.0
+    terminator_geometry_offset: float = 0.0  # Cycles' settings of the shadow terminator
     terminator_shading_offset: float = 0.0
-    normals_in_world: bool = True
-    proxy: bool = False
+    normals_in_world: bool = True  # made unit there before interpolation (single users), or after
+    proxy: bool = False  # it only bounds something that cannot be read (hair, volume)
 
 
 class Linking(NamedTuple):
-    """What a light is for, by instance; the last of each is for what is none (a meter).
-
-    Attributes
-    ----------
-    lit, shadowing : (instances + 1,) bool, what it lights, and what can hide it.
-    """
+    """What a light is for, (instances + 1,); the last of each is for what is none (a meter)."""
 
     lit: NDArray[np.bool_]
-    shadowing: NDArray[np.bool_]
+    shadowing: NDArray[np.bool_]  # what can hide it
 
 
 @dataclass(frozen=True)
 class Aperture:
-    """The opening of a thin lens.
+    """The opening of a thin lens."""
 
-    Attributes
-    ----------
-    radius : [bu] of a disc, or of the circle around a polygon of 3 `blades` or more.
-    focus : distance [bu] at which the picture is sharp, along the view axis or, in panoramas, from
-        the camera.
-    rotation : of the polygon [rad].
-    ratio : of its height to its width.
-    """
-
-    radius: float
-    focus: float
+    radius: float  # [bu] of a disc, or of the circle around a polygon of 3 `blades` or more
+    focus: float  # [bu] along the view axis, in panoramas from the camera
     blades: int = 0
-    rotation: float = 0.0
-    ratio: float = 1.0
+    rotation: float = 0.0  # [rad] of the polygon
+    ratio: float = 1.0  # of its height to its width
 
 
 @dataclass(frozen=True)
@@ -206,72 +144,40 @@ class Camera:
     or to the place (u, v) in a panorama: ``x_plane = plane[0] + x / width * (plane[1] -
     plane[0])`` and likewise with plane[2:4] for y.
 
-    Attributes
-    ----------
-    kind : perspective, orthographic, or Blender's name of a panorama in small letters.
-    world_from_camera : (4, 4) float64 without scale.
-    plane : (left, right, bottom, top) of the full frame: tangents for perspective, [bu] for
-        orthographic, 0 to 1 in panoramas. Sensor fit, shift and pixel aspect are already in it.
-    clip : (near, far) [bu] along the view axis, in panoramas along the ray.
-    lens : of panoramas: least and greatest longitude and latitude [rad], of a cylinder least and
-        greatest longitude [rad] and height over radius; of fisheyes what its curve needs (nothing,
-        focal length, or coefficients), field of view [rad] and the sensor's width and height, or
-        2, 2.
-    aperture : None where all is sharp.
+    `lens` is of panoramas: least and greatest longitude and latitude [rad], of a cylinder least and
+    greatest longitude [rad] and height over radius; of fisheyes what its curve needs (nothing,
+    focal length, or coefficients), field of view [rad] and the sensor's width and height, or 2, 2.
     """
 
     name: str
-    kind: str
-    world_from_camera: NDArray[np.float64]
+    kind: str  # perspective, orthographic, or Blender's name of a panorama in small letters
+    world_from_camera: NDArray[np.float64]  # (4, 4) without scale
+    # Left, right, bottom, top of the full frame: tangents for perspective, [bu] for orthographic, 0
+    # to 1 in panoramas. Sensor fit, shift and pixel aspect are already in it:
     plane: tuple[float, float, float, float]
-    clip: tuple[float, float]
+    clip: tuple[float, float]  # near and far [bu] along the view axis, in panoramas along the ray
     unsupported: tuple[Unsupported, ...] = ()
     lens: tuple[float, ...] = ()
-    aperture: Aperture | None = None
+    aperture: Aperture | None = None  # None where all is sharp
 
 
 @dataclass(frozen=True)
 class World:
-    """A background: uniform, or the sum of maps by direction.
+    """A background: uniform, or the sum of maps by direction."""
 
-    Attributes
-    ----------
-    radiance : (3,) [W/(m² sr)] from everywhere.
-    maps : what is not uniform of it.
-    visible_camera, visible_diffuse, visible_glossy, visible_transmission : what it is seen by.
-    known : False when it is not readable: what it may reach is excluded.
-    """
-
-    radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    maps: tuple[SkyMap, ...] = ()
+    radiance: RGB = BLACK  # [W/(m² sr)] from everywhere
+    maps: tuple[SkyMap, ...] = ()  # what is not uniform of it
     visible_camera: bool = True
     visible_diffuse: bool = True
     visible_glossy: bool = True
     visible_transmission: bool = True
-    known: bool = True
+    known: bool = True  # False: what it may reach is excluded
     unsupported: tuple[Unsupported, ...] = ()
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that direct light depends on.
-
-    Attributes
-    ----------
-    lights : native lights; the estimator adds the mesh emitters and the world.
-    unknown_lights : light objects whose emission is not known, in their place and shape; what
-        they may reach is excluded.
-    light_records : all light objects as Blender has them, also those that emit nothing.
-    linking : of the lights of these names; all others light everything.
-    resolution : (width, height) of the full frame in pixels.
-    border : (x0, y0, x1, y1) in pixels from the lower left, the part that is rendered; outside it
-        pixels are 0.
-    film_transparent : alpha is 0 where the world shows.
-    luminance_weights : of the working space.
-    transparent_max_bounces : surfaces that light passes straight through, as Cycles counts them.
-    measured : (slots, k height, k width, 3) what Blender's nodes give at the middle of each k-th of
-        a pixel, row 0 at the top; None where no material needs it.
-    """
+    """Everything that direct light depends on."""
 
     file: str
     sha256: str
@@ -279,23 +185,28 @@ class Scene:
     meshes: tuple[Mesh, ...]
     instances: tuple[Instance, ...]
     materials: tuple[Material, ...]
-    lights: tuple[Light, ...]
+    lights: tuple[Light, ...]  # native ones; the estimator adds the mesh emitters and the world
     world: World
     camera: Camera | None
-    resolution: tuple[int, int]
+    resolution: tuple[int, int]  # width and height of the full frame in pixels
+    # x0, y0, x1, y1 from the lower left, the part that is rendered; outside it pixels are 0:
     border: tuple[int, int, int, int] | None = None
-    film_transparent: bool = False
+    film_transparent: bool = False  # alpha is 0 where the world shows
     unit_scale_m: float = 1.0
     model: Model = "cycles"
     shading: Literal["full", "clay"] = "full"
     working_space: str = "Linear Rec.709"
     chromaticities: tuple[float, ...] = REC709
-    luminance_weights: tuple[float, float, float] = luminance_weights(REC709)
+    luminance_weights: tuple[float, float, float] = luminance_weights(
+        REC709
+    )  # of the working space
     blender_version: tuple[int, int, int] = (0, 0, 0)
-    transparent_max_bounces: int = 8
+    transparent_max_bounces: int = 8  # surfaces that light passes straight, as Cycles counts them
+    # (slots, k height, k width, 3) of what Blender's nodes give at the middle of each k-th of a
+    # pixel, row 0 at the top; None where no material needs it:
     measured: NDArray[np.float32] | None = None
-    unknown_lights: tuple[Light, ...] = ()
-    light_records: tuple[LightRecord, ...] = ()
-    linking: Mapping[str, Linking] = field(default_factory=dict[str, Linking])
+    unknown_lights: tuple[Light, ...] = ()  # in their place and shape; what they reach is excluded
+    light_records: tuple[LightRecord, ...] = ()  # all light objects, also those that emit nothing
+    linking: Mapping[str, Linking] = field(default_factory=dict[str, Linking])  # by light
     unsupported: tuple[Unsupported, ...] = ()
     findings: tuple[Finding, ...] = ()

@@ -49,18 +49,11 @@ FORMS = "blackbody:K, temperature:K, laser:NM, rgb:R,G,B or FILE.csv"
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """A spectrum, of which only the shape counts.
+    """A spectrum, of which only the shape counts."""
 
-    Attributes
-    ----------
-    name : what was asked for.
-    wavelengths : (n,) [nm], increasing; a single one is a line.
-    density : (n,) relative spectral power, linear in between.
-    """
-
-    name: str
-    wavelengths: Array
-    density: Array
+    name: str  # what was asked for
+    wavelengths: Array  # (n,) [nm], increasing; a single one is a line
+    density: Array  # (n,) relative spectral power, linear in between
 
     @property
     def limits_nm(self) -> Limits:

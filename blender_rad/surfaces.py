@@ -33,36 +33,21 @@ RAY_OFFSET = 1e-6
 
 @dataclass(frozen=True)
 class Surface:
-    """Points on surfaces, seen from a direction.
+    """Points (n,) on surfaces, seen from a direction; vectors are (n, 3)."""
 
-    Attributes
-    ----------
-    point : (n, 3) [bu].
-    geometric_normal, normal : (n, 3) unit, turned to the viewer's side of the triangle.
-    material : (n,) index into `Scene.materials`.
-    instance : (n,) index into `Scene.instances`.
-    triangle : (n,) index into the geometry's triangles.
-    u, v : (n,) barycentric weights of the second and third corner.
-    incoming : (n, 3) towards the viewer.
-    epsilon : (n,) [bu] how far a ray's origin must leave the surface.
-    cutoff : (n,) cosine below which the shadow terminator offset acts, 0 where it does not.
-    backfacing : (n,) bool, where the back is seen.
-    subpixel : (n,) index into the points of `Scene.measured`, None where nothing is measured.
-    """
-
-    point: Floats
-    geometric_normal: Floats
+    point: Floats  # [bu]
+    geometric_normal: Floats  # unit, turned to the viewer's side of the triangle, as is the next
     normal: Floats
-    material: Ints
-    instance: Ints
-    triangle: Ints
-    u: Floats
+    material: Ints  # index into `Scene.materials`
+    instance: Ints  # index into `Scene.instances`
+    triangle: Ints  # index into the geometry's triangles
+    u: Floats  # barycentric weights of the second and third corner
     v: Floats
-    incoming: Floats
-    epsilon: Floats
-    cutoff: Floats
+    incoming: Floats  # towards the viewer
+    epsilon: Floats  # [bu] how far a ray's origin must leave the surface
+    cutoff: Floats  # cosine below which the shadow terminator offset acts, 0 where it does not
     backfacing: NDArray[np.bool_] | None = None
-    subpixel: Ints | None = None
+    subpixel: Ints | None = None  # index into the points of `Scene.measured`, if there are any
 
 
 def dot(a: Floats, b: Floats) -> Floats:
@@ -105,12 +90,7 @@ def normalized(vectors: Floats) -> Floats:
 
 
 class Geometry:
-    """All triangles of a scene in one set of arrays.
-
-    Attributes
-    ----------
-    first : (instances,) index of the first triangle of each one's mesh.
-    """
+    """All triangles of a scene in one set of arrays, those of an instance from its `first` on."""
 
     def __init__(self, scene: Scene) -> None:
         meshes, instances = scene.meshes, scene.instances

@@ -29,31 +29,18 @@ TANGENT = "\0tangent"  # ends the name of a UV map: its tangent, and 1 or -1 for
 
 @dataclass
 class Context:
-    """Points on surfaces, or on lights, and who looks at them.
+    """Points (n,) on surfaces, or on lights, and who looks at them."""
 
-    Attributes
-    ----------
-    position : (n, 3) in the world [bu].
-    normal, geometric : (n, 3) unit, on the viewer's side.
-    incoming : (n, 3) unit, towards the viewer.
-    distance : (n, 1) [bu] to the viewer.
-    backfacing : (n, 1) 1 where the back is seen.
-    parametric : (n, 3) barycentric (first corner, second corner, 0); of lights their UV.
-    object_from_world : (4, 4).
-    attribute : gives (n, k) by name, None where there is none such.
-    measured : gives (n, 3) by slot: what Blender was asked, see `bpy_io.measuring`.
-    """
-
-    position: Array = field(default_factory=ZERO.copy)
-    normal: Array = field(default_factory=ZERO.copy)
+    position: Array = field(default_factory=ZERO.copy)  # in the world [bu]
+    normal: Array = field(default_factory=ZERO.copy)  # unit, on the viewer's side, as is the next
     geometric: Array = field(default_factory=ZERO.copy)
-    incoming: Array = field(default_factory=ZERO.copy)
-    distance: Array = field(default_factory=lambda: np.full((1, 1), np.inf))
-    backfacing: Array = field(default_factory=lambda: np.zeros((1, 1)))
-    parametric: Array = field(default_factory=ZERO.copy)
+    incoming: Array = field(default_factory=ZERO.copy)  # unit, towards the viewer
+    distance: Array = field(default_factory=lambda: np.full((1, 1), np.inf))  # [bu] to the viewer
+    backfacing: Array = field(default_factory=lambda: np.zeros((1, 1)))  # 1 where the back is seen
+    parametric: Array = field(default_factory=ZERO.copy)  # first corner, second, 0; of lights UV
     object_from_world: Array = field(default_factory=lambda: np.eye(4))
-    attribute: Callable[[str], Array | None] = lambda name: None
-    measured: Callable[[int], Array] = lambda slot: ZERO
+    attribute: Callable[[str], Array | None] = lambda name: None  # (n, k) by name, if any
+    measured: Callable[[int], Array] = lambda slot: ZERO  # (n, 3) of what Blender was asked
     known: dict[int, Array] = field(default_factory=dict[int, Array])
 
     @property
@@ -94,19 +81,11 @@ def register(functions: Mapping[str, Function]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Expression:
-    """One output of a node, with all that it depends on; can be pickled.
+    """One output of a node, with all that it depends on; can be pickled."""
 
-    Attributes
-    ----------
-    kind : registered name of the node.
-    output : identifier of the output.
-    settings : properties of the node by Blender's names, and its tables.
-    inputs : by identifier.
-    """
-
-    kind: str
-    output: str = ""
-    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    kind: str  # registered name of the node
+    output: str = ""  # identifier, as those of `inputs`
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])  # by Blender's names
     inputs: Mapping[str, Expression] = field(default_factory=dict[str, "Expression"])
 
     def evaluate(self, context: Context) -> Array:
