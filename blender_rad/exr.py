@@ -7,6 +7,7 @@ import json
 import os
 import unicodedata
 from collections.abc import Iterable, Mapping
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,8 @@ def channel_names(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         safe = "".join("_" if c == "." or unicodedata.category(c) == "Cc" else c for c in name)
         safe = safe.encode("utf-8")[:_LONGEST_NAME].decode("utf-8", "ignore") or "_"
-        unique, number = safe, 1
-        while unique in result.values():
-            number += 1
-            unique = f"{safe}_{number}"
-        result[name] = unique
+        every = chain([safe], (f"{safe}_{number}" for number in count(2)))
+        result[name] = next(unique for unique in every if unique not in result.values())
     return result
 
 
@@ -129,12 +127,17 @@ def read_picture(
         When the file cannot be read or holds no such picture.
     """
     passes, header = read_passes(path, ("Combined.RGB",))
-    picture = passes["Combined.RGB"]
-    stated = header.get("chromaticities") or INTEROP_IDS.get(header.get("colorInteropID", ""))
+    picture, stated = passes["Combined.RGB"], stated_chromaticities(header)
     if not (stated and chromaticities) or np.allclose(stated, chromaticities, atol=1e-3):
         return picture
     matrix = np.linalg.solve(rec709_from_working(chromaticities), rec709_from_working(stated))
     return (picture @ matrix.T).astype(np.float32)
+
+
+def stated_chromaticities(header: Mapping[str, Any]) -> tuple[float, ...] | None:
+    """Return those that the header of an EXR file states, or those of the space that it names."""
+    stated = header.get("chromaticities") or INTEROP_IDS.get(header.get("colorInteropID", ""))
+    return stated and tuple(map(float, stated))
 
 
 def read_passes(

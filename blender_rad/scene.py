@@ -197,9 +197,7 @@ class Scene:
     shading: Literal["full", "clay"] = "full"
     working_space: str = "Linear Rec.709"
     chromaticities: tuple[float, ...] = REC709
-    luminance_weights: tuple[float, float, float] = luminance_weights(
-        REC709
-    )  # of the working space
+    luminance_weights: tuple[float, float, float] = luminance_weights(REC709)
     blender_version: tuple[int, int, int] = (0, 0, 0)
     transparent_max_bounces: int = 8  # surfaces that light passes straight, as Cycles counts them
     # (slots, k height, k width, 3) of what Blender's nodes give at the middle of each k-th of a

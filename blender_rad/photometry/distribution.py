@@ -53,44 +53,28 @@ class Opening:
 
 @dataclass(frozen=True)
 class Distribution:
-    """The light of a luminaire.
+    """The light of a luminaire; [W/sr] and [W] stand for [cd] and [lm] where `radiometric`."""
 
-    Attributes
-    ----------
-    name : the luminaire, as its maker calls it.
-    format : such as ``LM-63-2002`` or ``EULUMDAT``.
-    kind : photometric type, which says what longitude and latitude are (see the module).
-    longitude, latitude : (m,), (n,) [deg], rising, m and n at least 2; symmetry is unfolded.
-    intensity : (m, n) luminous intensity [cd]; radiant intensity [W/sr] where `radiometric`.
-    symmetry : as the file declares it.
-    opening : luminous opening [m].
-    lamp_flux : [lm] of all lamps; None where the photometry is absolute.
-    declared_flux : [lm, W where `radiometric`] of the luminaire, where the file states it.
-    downward_fraction : of the flux, where the file states it.
-    input_power : [W]; None where the file states none.
-    tilt : pairs of lamp tilt [deg] and factor on the flux; not applied.
-    """
-
-    name: str
-    format: str
-    kind: Kind
-    longitude: Array
-    latitude: Array
-    intensity: Array
-    symmetry: str
+    name: str  # as its maker calls it
+    format: str  # such as ``LM-63-2002`` or ``EULUMDAT``
+    kind: Kind  # says what longitude and latitude are, see the module
+    longitude: Array  # (m,) [deg], rising, two or more; symmetry is unfolded
+    latitude: Array  # (n,) likewise
+    intensity: Array  # (m, n) [cd]
+    symmetry: str  # as the file declares it
     opening: Opening
-    lamp_flux: float | None = None
-    declared_flux: float | None = None
-    downward_fraction: float | None = None
-    input_power: float | None = None
+    lamp_flux: float | None = None  # [lm] of all lamps; None where the photometry is absolute
+    declared_flux: float | None = None  # [lm] of the luminaire, where the file states it
+    downward_fraction: float | None = None  # of the flux, likewise
+    input_power: float | None = None  # [W], likewise
     radiometric: bool = False
-    tilt: tuple[tuple[float, float], ...] = ()
+    tilt: tuple[tuple[float, float], ...] = ()  # [deg], and factor on the flux; not applied
     findings: tuple[Finding, ...] = ()
 
     def luminous_intensity(self, directions: Array) -> Array:
         """Return the luminous intensity (n,) [cd] towards `directions` (n, 3) of any length.
 
-        Bilinear in the angles of the file's grid, 0 outside of it. [W/sr] where `radiometric`.
+        Bilinear in the angles of the file's grid, 0 outside of it.
 
         Examples
         --------
@@ -113,7 +97,7 @@ class Distribution:
 
     @cached_property
     def zonal_flux(self) -> Array:
-        r"""The flux of each latitude zone, (n − 1,) [lm, W where `radiometric`].
+        r"""The flux of each latitude zone, (n − 1,) [lm].
 
         Φ = Σ ½(Ī_j + Ī_{j+1}) Δλ (sin φ_{j+1} − sin φ_j): the mean over longitude Ī is linear
         between the table's planes; over a zone it is the mean of both edges. This is the rule of
@@ -123,7 +107,7 @@ class Distribution:
         return 0.5 * (mean[:-1] + mean[1:]) * np.diff(np.sin(np.radians(self.latitude)))
 
     def luminous_flux(self) -> float:
-        """Return the luminous flux [lm], the sum of `zonal_flux`; [W] where `radiometric`."""
+        """Return the luminous flux [lm], the sum of `zonal_flux`."""
         return float(self.zonal_flux.sum())
 
     def interpolated_flux(self) -> float:

@@ -14,12 +14,12 @@ import numpy as np
 from ..atomic import atomic_path
 from ..compare.pools import block_sums
 from ..errors import Finding, RadError
-from ..exr import read_passes
+from ..exr import read_passes, stated_chromaticities
 from ..film import Image
 from ..quantities import K_M, QUANTITIES
 from ..report.difference import spread
 from ..report.pictures import hatched, nice_above
-from ..working_space import INTEROP_IDS, REC709, luminance_weights
+from ..working_space import REC709, luminance_weights
 
 Quantity = Literal["illuminance", "luminance"]
 Scale = Literal["log", "linear"]
@@ -45,15 +45,10 @@ _LAMBERTIAN = (
 
 @dataclass(frozen=True)
 class LightMap:
-    """A photometric quantity over a picture.
-
-    Attributes
-    ----------
-    values : (h, w) [lx] or [cd/m²], row 0 at the top, nan where there is no data.
-    """
+    """A photometric quantity over a picture."""
 
     quantity: Quantity
-    values: Image
+    values: Image  # (h, w) [lx] or [cd/m²], row 0 at the top, nan where there is no data
     efficacy_lm_W: float  # noqa: N815 - the unit's own spelling
     findings: tuple[Finding, ...]
 
@@ -108,11 +103,11 @@ def read_map(
         values = images["Illuminance.V"][..., 0] * (efficacy / own_efficacy)
         nothing = np.isposinf(images.get("Depth.V", images["Illuminance.V"])[..., 0])
     else:
-        stated = header.get("chromaticities") or INTEROP_IDS.get(header.get("colorInteropID", ""))
+        stated = stated_chromaticities(header)
         if stated is None:
             said = "the file does not say what its colours are: weights are those of Rec.709"
             findings.append(Finding("no-chromaticities", "info", "", said))
-        weights = efficacy * np.array(luminance_weights(tuple(map(float, stated or REC709))))
+        weights = efficacy * np.array(luminance_weights(stated or REC709))
         if quantity == "luminance":
             values = images["Combined.RGB"] @ weights
             nothing = (values == 0) & (images.get("Combined.A", np.ones(1))[..., 0] == 0)
@@ -134,10 +129,7 @@ def value_range(
 ) -> tuple[float, float]:
     """Return the ends of the legend: those given, else round numbers that nearly all lies within.
 
-    Raises
-    ------
-    RadError
-        The range is empty, or reaches 0 on a logarithmic scale.
+    RadError says where the range is empty, or reaches 0 on a logarithmic scale.
     """
     lit = values[values > 0]
     least, most = np.percentile(lit, (2, 98)).tolist() if lit.size else (1.0, 1.0)
