@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import pytest
 
-from tests.nightly import calibration, calibration_scene
+from tests.nightly import calibration
 
 TRIALS = 3  # of two comparisons each
 
 
 def test_cycles_agrees_and_a_stronger_light_is_found() -> None:
-    bench = calibration.Bench(calibration_scene.build(), (32, 24))
+    bench = calibration.Bench(calibration.build(), (32, 24))
     tally = calibration.Tally()
     for number in range(TRIALS):
         bench.trial(number, tally)

@@ -19,14 +19,22 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+
+from blender_rad.bpy_io.open import open_scene
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.bpy_io.witness import CyclesWitness
+from blender_rad.direct import DirectLight
+from blender_rad.rendering import Settings, render
 
 TARGETS = (3e-3, 1e-3)
 OURS = (0.06, 0.045, 0.025)  # target relative standard errors
 CYCLES = (24, 120)  # samples a pixel
 Curve = list[tuple[float, float]]
+Engines = dict[str, tuple[tuple[float, ...], Callable[[float], np.ndarray]]]
 
 
 def relmse(image: np.ndarray, reference: np.ndarray) -> float:
@@ -43,12 +51,8 @@ def seconds_to(target: float, curve: Curve) -> float:
     return float(np.exp(np.interp(-np.log(target), -error, seconds)))
 
 
-def measure(
-    engines: dict[str, tuple[tuple[float, ...], Callable[[float], np.ndarray]]],
-    reference: np.ndarray,
-    repetitions: int,
-) -> dict[str, Curve]:
-    """Return each engine's (seconds, relMSE) for growing effort, printing it as it goes."""
+def measure(engines: Engines, reference: np.ndarray, repetitions: int) -> dict[str, Curve]:
+    """Return each engine's (seconds, relMSE) for growing effort."""
     best: dict[tuple[str, float], tuple[float, float]] = {}
     for _ in range(repetitions):
         for name, (efforts, make) in engines.items():
@@ -62,55 +66,38 @@ def measure(
     return {name: [best[name, effort] for effort in engines[name][0]] for name in engines}
 
 
-def scene_file(folder: str) -> Path:
-    """Build the benchmark's scene."""
-    file = Path(folder) / "bench.blend"
-    script = Path(__file__).parents[2] / "scenes" / "bench.py"
-    subprocess.run([sys.executable, script, file], check=True, stdout=subprocess.DEVNULL)
-    return file
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--threads", type=int, default=None)
     parser.add_argument("--repetitions", type=int, default=3)
     options = parser.parse_args()
-    from blender_rad.bpy_io.open import open_scene
-    from blender_rad.bpy_io.read import read_scene
-    from blender_rad.bpy_io.witness import CyclesWitness
-    from blender_rad.direct import DirectLight
-    from blender_rad.rendering import Settings, render
-
     with tempfile.TemporaryDirectory() as folder:
-        bl_scene = open_scene(scene_file(folder))
+        file = Path(folder) / "bench.blend"
+        script = Path(__file__).parents[2] / "scenes" / "bench.py"
+        subprocess.run([sys.executable, script, file], check=True, stdout=subprocess.DEVNULL)
+        bl_scene = open_scene(file)
         scene = read_scene(bl_scene)
     triangles = sum(len(scene.meshes[i.mesh].triangles) for i in scene.instances)
     print(f"{scene.resolution[0]}×{scene.resolution[1]}, {triangles} triangles")
     start = time.perf_counter()
     light = DirectLight(scene)
     print(f"our building: {time.perf_counter() - start:.2f} s")
-    reference = render(scene, Settings(error=0.004, seed=77, per_light=False)).radiance
-
-    def ours(error: float) -> np.ndarray:
-        settings = Settings(error=error, threads=options.threads, per_light=False)
-        return render(scene, settings, light=light).radiance
-
     witness = CyclesWitness(bl_scene, threads=options.threads)
     witness.prepare()
 
-    def cycles(tree: bool) -> Callable[[float], np.ndarray]:
-        def make(samples: float) -> np.ndarray:
-            bl_scene.cycles.use_light_tree = tree
-            return witness.render(2, int(samples))[..., :3].astype(float)
+    def ours(error: float, **others: int | None) -> np.ndarray:
+        return render(scene, Settings(error=error, per_light=False, **others), light=light).radiance
 
-        return make
+    def cycles(samples: float, tree: bool) -> np.ndarray:
+        bl_scene.cycles.use_light_tree = tree
+        return witness.render(2, int(samples))[..., :3].astype(float)
 
-    engines = {
-        "ours, target error": (OURS, ours),
-        "Cycles with light tree, samples": (CYCLES, cycles(True)),
-        "Cycles without, samples": (CYCLES, cycles(False)),
+    engines: Engines = {
+        "ours, target error": (OURS, partial(ours, threads=options.threads)),
+        "Cycles with light tree, samples": (CYCLES, partial(cycles, tree=True)),
+        "Cycles without, samples": (CYCLES, partial(cycles, tree=False)),
     }
-    curves = measure(engines, reference, options.repetitions)
+    curves = measure(engines, ours(0.004, seed=77), options.repetitions)
     for target in TARGETS:
         spent = {name: seconds_to(target, points) for name, points in curves.items()}
         listed = ", ".join(f"{name.split(',')[0]} {value:.2f} s" for name, value in spent.items())

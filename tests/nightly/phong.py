@@ -9,29 +9,24 @@ from blender_rad.laws import judge
 from blender_rad.report.furnace import write_furnaces
 from blender_rad.scene import Closure, Instance, Material
 from blender_rad.textures import constant
-
-from .. import handmade
+from tests import handmade
 
 KINDS = {"Phong as printed": "PHONG", "Modified Phong": "PHONG_MODIFIED", "Blinn": "BLINN"}
-EXPONENTS = (5.0, 50.0)
 PICTURE = Path(__file__).parents[2] / "docs" / "phong.png"
 
 
-def phong(kind: str, exponent: float, name: str) -> Material:
-    inputs = {"Color": constant((1.0, 1.0, 1.0)), "Exponent": constant(exponent)}
-    return Material(f"{name}, n = {exponent:g}", closures=(Closure(kind, constant(1.0), inputs),))
-
-
 def main() -> None:
-    materials = [phong(kind, n, name) for n in EXPONENTS for name, kind in KINDS.items()]
+    materials: list[Material] = []
+    for exponent in (5.0, 50.0):
+        inputs = {"Color": constant((1.0, 1.0, 1.0)), "Exponent": constant(exponent)}
+        for name, kind in KINDS.items():
+            closures = (Closure(kind, constant(1.0), inputs),)
+            materials.append(Material(f"{name}, n = {exponent:g}", closures=closures))
     placed = [Instance(m.name, 0, handmade.moved(), (k,)) for k, m in enumerate(materials)]
-    scene = handmade.scene([handmade.square()], placed, [], materials=materials)
-    judged = judge(scene)
+    judged = judge(handmade.scene([handmade.square()], placed, [], materials=materials))
     for each in judged:
-        assert each.albedo is not None and each.angles_deg is not None
         curve = zip(each.angles_deg, each.albedo[:, 0], strict=True)
-        told = "  ".join(f"{angle:g}° {albedo:.3f}" for angle, albedo in curve)
-        print(f"{each.name:26}  {told}")
+        print(f"{each.name:26}  ", *(f"{angle:g}° {albedo:.3f}" for angle, albedo in curve))
         print(*(f"  {finding}" for finding in each.findings), sep="\n")
     write_furnaces(judged, PICTURE)
 
