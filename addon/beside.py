@@ -51,13 +51,10 @@ def redraw(*kinds: str) -> None:
                 area.tag_redraw()
 
 
-def register() -> None:
-    """Nothing to register: the thread starts with the first work."""
-
-
-def unregister() -> None:
-    if bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.unregister(_poll)
+def disabled() -> None:
     _under_way.clear()
     while _pool:
         _pool.pop().shutdown(cancel_futures=True)
+
+
+TIMERS = (_poll,)

@@ -165,26 +165,11 @@ def _draw_answer(box: Any, context: Any, document: dict[str, Any]) -> None:
             say(box, context, said, 'INFO')
 
 
-_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
-    (
-        RADIOMETRIC_OT_check,
-        RADIOMETRIC_OT_check_cancel,
-        RADIOMETRIC_OT_select,
-        RADIOMETRIC_OT_report,
-        RADIOMETRIC_OT_difference,
-        RADIOMETRIC_RENDER_PT_check,
-    )
-)
 
-
-def register() -> None:
-    _register()
-
-
-def unregister() -> None:
-    if bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.unregister(_poll)
+def disabled() -> None:
     if check := _last():
         check.cancel()
     _checks.clear()
-    _unregister()
+
+
+TIMERS = (_poll,)

@@ -171,15 +171,8 @@ def shadows() -> Generator[None]:
     blf.disable(0, blf.SHADOW)
 
 
-_handles: list[object] = []
-
-
-def register() -> None:
-    add: Any = bpy.types.SpaceView3D.draw_handler_add
-    _handles.append(add(draw_quantity, (), 'WINDOW', 'POST_PIXEL'))
-
-
-def unregister() -> None:
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), 'WINDOW')
+def disabled() -> None:
     VIEWPORTS.clear()
+
+
+OVERLAYS = (draw_quantity,)

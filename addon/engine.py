@@ -94,18 +94,16 @@ def _panels() -> Iterator[Any]:
                 yield panel
 
 
-def register() -> None:
-    bpy.utils.register_class(RadiometricEngine)
+def enabled() -> None:
     if bpy.app.module:
-        atexit.register(unregister)  # Blender 4.5 would wait for ever
+        atexit.register(bpy.utils.unregister_class, RadiometricEngine)  # 4.5 would wait for ever
     for panel in _panels():
         panel.COMPAT_ENGINES = {*panel.COMPAT_ENGINES, ENGINE}
 
 
-def unregister() -> None:
-    atexit.unregister(unregister)
+def disabled() -> None:
+    atexit.unregister(bpy.utils.unregister_class)
     panels: list[Any] = bpy.types.Panel.__subclasses__()
     for panel in panels:
         if ENGINE in getattr(panel, "COMPAT_ENGINES", ()):
             panel.COMPAT_ENGINES = panel.COMPAT_ENGINES - {ENGINE}
-    bpy.utils.unregister_class(RadiometricEngine)

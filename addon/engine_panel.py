@@ -39,8 +39,3 @@ class RADIOMETRIC_RENDER_PT_view(_Panel, bpy.types.Panel):
     bl_label = "Viewport False Colour"
     bl_options = {'DEFAULT_CLOSED'}
     properties = ("view", "scale", "low", "high")
-
-
-register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
-    (RADIOMETRIC_RENDER_PT_sampling, RADIOMETRIC_RENDER_PT_view)
-)

@@ -138,8 +138,3 @@ class RADIOMETRIC_IMAGE_PT_false_colour(bpy.types.Panel):
         for quantity in ('illuminance', 'luminance'):
             name = RADIOMETRIC_OT_false_colour.bl_idname
             row.operator(name, text=quantity.capitalize()).quantity = quantity
-
-
-register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
-    (RADIOMETRIC_OT_false_colour, RADIOMETRIC_IMAGE_PT_false_colour)
-)

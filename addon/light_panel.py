@@ -322,29 +322,14 @@ def _add_menu(self: Any, _: bpy.types.Context) -> None:
     self.layout.operator("radiometric.luminaire", icon='LIGHT_SPOT')
 
 
-_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
+
+PROPERTIES = (
     (
-        RADIOMETRIC_MT_unit,
-        RADIOMETRIC_PT_light,
-        RADIOMETRIC_PT_emits,
-        RADIOMETRIC_PT_material,
-        RADIOMETRIC_PT_world,
-        RADIOMETRIC_OT_keys_to_power,
-        RADIOMETRIC_OT_source,
-        RADIOMETRIC_OT_luminaire,
-    )
+        bpy.types.Scene,
+        "radiometric_at_cursor",
+        bpy.props.BoolProperty(
+            name="At the 3D Cursor", description="Read E at the 3D cursor, facing the light"
+        ),
+    ),
 )
-
-
-def register() -> None:
-    _register()
-    bpy.types.Scene.radiometric_at_cursor = bpy.props.BoolProperty(
-        name="At the 3D Cursor", description="Read E at the 3D cursor, facing the light"
-    )
-    bpy.types.VIEW3D_MT_light_add.append(_add_menu)
-
-
-def unregister() -> None:
-    bpy.types.VIEW3D_MT_light_add.remove(_add_menu)
-    del bpy.types.Scene.radiometric_at_cursor
-    _unregister()
+MENUS = ((bpy.types.VIEW3D_MT_light_add, _add_menu),)

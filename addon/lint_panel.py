@@ -82,14 +82,6 @@ class RADIOMETRIC_PG_lint(bpy.types.PropertyGroup):
     active: IntProperty()
     busy: bpy.props.BoolProperty()
 
-    @classmethod
-    def register(cls) -> None:
-        bpy.types.WindowManager.radiometric_lint = PointerProperty(type=cls)
-
-    @classmethod
-    def unregister(cls) -> None:
-        del bpy.types.WindowManager.radiometric_lint
-
 
 class RADIOMETRIC_OT_lint(bpy.types.Operator):
     """List the settings that bias the light of a render, each with its effect, beside your work."""
@@ -188,13 +180,6 @@ class RADIOMETRIC_RENDER_PT_lint(bpy.types.Panel):
             layout.operator("radiometric.select", text=shown.about).name = shown.about
 
 
-register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
-    (
-        RADIOMETRIC_PG_finding,
-        RADIOMETRIC_PG_lint,
-        RADIOMETRIC_OT_lint,
-        RADIOMETRIC_OT_fix,
-        RADIOMETRIC_UL_findings,
-        RADIOMETRIC_RENDER_PT_lint,
-    )
+PROPERTIES = (
+    (bpy.types.WindowManager, "radiometric_lint", PointerProperty(type=RADIOMETRIC_PG_lint)),
 )

@@ -63,18 +63,11 @@ def _forget(*_: Any) -> None:
     _kept.clear()
 
 
-_MOMENTS = {
-    "depsgraph_update_post": _changed,
-    **dict.fromkeys(("load_post", "frame_change_post", "undo_post", "redo_post"), _forget),
-}
-
-
-def register() -> None:
-    for moment, handler in _MOMENTS.items():
-        getattr(bpy.app.handlers, moment).append(handler)
-
-
-def unregister() -> None:
-    for moment, handler in _MOMENTS.items():
-        getattr(bpy.app.handlers, moment).remove(handler)
+def disabled() -> None:
     _kept.clear()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _changed),
+    *((moment, _forget) for moment in ("load_post", "frame_change_post", "undo_post", "redo_post")),
+)

@@ -73,20 +73,6 @@ class RADIOMETRIC_PG_meter(bpy.types.PropertyGroup):
         update=reread,
     )
 
-    @classmethod
-    def register(cls) -> None:
-        bpy.types.Object.radiometric_meter = PointerProperty(type=cls)
-        bpy.types.Scene.radiometric_live = BoolProperty(
-            name="Live",
-            description="Read again, beside your work, whenever the scene changes",
-            default=True,
-            update=reread,
-        )
-
-    @classmethod
-    def unregister(cls) -> None:
-        del bpy.types.Object.radiometric_meter, bpy.types.Scene.radiometric_live
-
 
 class RADIOMETRIC_OT_add_meter(bpy.types.Operator):
     """Add a meter at the 3D cursor, looking up; turn it to where it shall look."""
@@ -231,8 +217,9 @@ class RADIOMETRIC_PT_meters(bpy.types.Panel):
         column.active = not STATE.stale
         for mark in found:
             row = column.split(factor=0.4)
-            name, icon = mark.name, ICONS[mark.met]
-            row.operator("radiometric.select", text=name, icon=icon, emboss=False).name = name
+            left, name, icon = row.row(), mark.name, ICONS[mark.met]
+            left.alignment = 'LEFT'
+            left.operator("radiometric.select", text=name, icon=icon, emboss=False).name = name
             row.label(text=mark.text or "…")
         if context.object and context.object.radiometric_meter.kind in {'LUX', 'GRID'}:
             self._draw_active(context)
@@ -268,24 +255,15 @@ def _add_menu(self: Any, _: bpy.types.Context) -> None:
     self.layout.menu(RADIOMETRIC_MT_meters.__name__, icon='LIGHT_SUN')
 
 
-_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
-    (
-        RADIOMETRIC_PG_meter,
-        RADIOMETRIC_OT_add_meter,
-        RADIOMETRIC_OT_read_meters,
-        RADIOMETRIC_OT_standard,
-        RADIOMETRIC_OT_solve,
-        RADIOMETRIC_PT_meters,
-        RADIOMETRIC_MT_meters,
-    )
+
+_LIVE = BoolProperty(
+    name="Live",
+    description="Read again, beside your work, whenever the scene changes",
+    default=True,
+    update=reread,
 )
-
-
-def register() -> None:
-    _register()
-    bpy.types.VIEW3D_MT_add.append(_add_menu)
-
-
-def unregister() -> None:
-    bpy.types.VIEW3D_MT_add.remove(_add_menu)
-    _unregister()
+PROPERTIES = (
+    (bpy.types.Object, "radiometric_meter", PointerProperty(type=RADIOMETRIC_PG_meter)),
+    (bpy.types.Scene, "radiometric_live", _LIVE),
+)
+MENUS = ((bpy.types.VIEW3D_MT_add, _add_menu),)

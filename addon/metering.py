@@ -63,7 +63,6 @@ class State:
         self.error = ""
         self.stale = self.running = False
         self.marks: tuple[int, list[Mark]] | None = None
-        self.handle: Any = None
 
 
 STATE = State()
@@ -204,14 +203,6 @@ def _forget(*_: Any) -> None:
     reread(None, None)
 
 
-_MOMENTS = {
-    **dict.fromkeys(
-        ("depsgraph_update_post", "frame_change_post", "animation_playback_post"), _changed
-    ),
-    "load_post": _forget,
-}
-
-
 def met(meter: Any) -> bool | None:
     """Return whether the meter's targets are met; None without a target or a reading."""
     reading, own = STATE.readings.get(meter.name), meter.radiometric_meter
@@ -269,18 +260,15 @@ def _draw() -> None:
                     write(point, number, (-8.0, -4.0))
 
 
-def register() -> None:
-    for moment, handler in _MOMENTS.items():
-        getattr(bpy.app.handlers, moment).append(handler)
-    if not bpy.app.background:
-        STATE.handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), 'WINDOW', 'POST_PIXEL')
-
-
-def unregister() -> None:
-    if STATE.handle:
-        bpy.types.SpaceView3D.draw_handler_remove(STATE.handle, 'WINDOW')
-    for moment, handler in _MOMENTS.items():
-        getattr(bpy.app.handlers, moment).remove(handler)
-    if bpy.app.timers.is_registered(_again):
-        bpy.app.timers.unregister(_again)
+def disabled() -> None:
     STATE.__init__()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _changed),
+    ("frame_change_post", _changed),
+    ("animation_playback_post", _changed),
+    ("load_post", _forget),
+)
+OVERLAYS = (_draw,)
+TIMERS = (_again,)

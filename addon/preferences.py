@@ -29,8 +29,3 @@ class RADIOMETRIC_AP_preferences(bpy.types.AddonPreferences):
         for package, what in NEEDED_FOR.items():
             if find_spec(package) is None:
                 column.label(text=f"{package} is missing: no {what}", icon='ERROR')
-
-
-register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - it returns a pair
-    (RADIOMETRIC_AP_preferences,)
-)

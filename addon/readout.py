@@ -78,10 +78,6 @@ def row(record: Any, convention: Any, model: Any, point: Any) -> dict[str, Any]:
     return {**found, "facing_lx": facing}
 
 
-def register() -> None:
-    """Nothing to register: panels ask."""
-
-
-def unregister() -> None:
+def disabled() -> None:
     _rows.clear()
     _last.clear()

@@ -83,17 +83,5 @@ class RADIOMETRIC_PG_scene(bpy.types.PropertyGroup):
     low: FloatProperty(name="From", description="Lower end; 0 finds one", min=0.0, update=_changed)
     high: FloatProperty(name="To", description="Upper end; 0 finds one", min=0.0, update=_changed)
 
-    @classmethod
-    def register(cls) -> None:
-        scene: Any = bpy.types.Scene
-        scene.radiometric = PointerProperty(type=cls)
 
-    @classmethod
-    def unregister(cls) -> None:
-        scene: Any = bpy.types.Scene
-        del scene.radiometric
-
-
-register, unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
-    (RADIOMETRIC_PG_scene,)
-)
+PROPERTIES = ((bpy.types.Scene, "radiometric", PointerProperty(type=RADIOMETRIC_PG_scene)),)

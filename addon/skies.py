@@ -133,11 +133,7 @@ def forget() -> None:
     _known.clear()
 
 
-def register() -> None:
-    """Nothing to register: renders and viewports ask."""
-
-
-def unregister() -> None:
+def disabled() -> None:
     for process in _processes:
         process.kill()
     forget()

@@ -320,15 +320,6 @@ class RADIOMETRIC_PG_light(bpy.types.PropertyGroup):
         options=set(),
     )
 
-    @classmethod
-    def register(cls) -> None:
-        bpy.types.Light.radiometry = PointerProperty(type=cls, override={'LIBRARY_OVERRIDABLE'})
-
-    @classmethod
-    def unregister(cls) -> None:
-        del bpy.types.Light.radiometry
-        _factors.clear()
-
 
 def _radiance(block: Any) -> Any:
     """Return the constant radiance (3,) of a world or material, None where it is not one."""
@@ -400,34 +391,24 @@ class RADIOMETRIC_PG_glow(bpy.types.PropertyGroup):
         **_stated("efficacy", K_M),
     )
 
-    @classmethod
-    def register(cls) -> None:
-        bpy.types.Material.radiometry = bpy.types.World.radiometry = PointerProperty(type=cls)
 
-    @classmethod
-    def unregister(cls) -> None:
-        del bpy.types.Material.radiometry, bpy.types.World.radiometry
+def disabled() -> None:
+    _factors.clear()
+    _drawn.clear()
 
 
-_MOMENTS = (
+PROPERTIES = (
+    (
+        bpy.types.Light,
+        "radiometry",
+        PointerProperty(type=RADIOMETRIC_PG_light, override={'LIBRARY_OVERRIDABLE'}),
+    ),
+    (bpy.types.Material, "radiometry", PointerProperty(type=RADIOMETRIC_PG_glow)),
+    (bpy.types.World, "radiometry", PointerProperty(type=RADIOMETRIC_PG_glow)),
+)
+HANDLERS = (
     ("depsgraph_update_post", _keep_flux),
     ("depsgraph_update_post", _look_again),
     ("frame_change_post", _look_again),
     ("load_post", _look_again),
 )
-_register, _unregister = bpy.utils.register_classes_factory(  # pyright: ignore[reportGeneralTypeIssues] - pair
-    (RADIOMETRIC_PG_light, RADIOMETRIC_PG_glow)
-)
-
-
-def register() -> None:
-    _register()
-    for moment, handler in _MOMENTS:
-        getattr(bpy.app.handlers, moment).append(handler)
-
-
-def unregister() -> None:
-    for moment, handler in _MOMENTS:
-        getattr(bpy.app.handlers, moment).remove(handler)
-    _drawn.clear()
-    _unregister()

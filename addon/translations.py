@@ -20,9 +20,9 @@ TEXTS: Any = {
 }
 
 
-def register() -> None:
+def enabled() -> None:
     bpy.app.translations.register(str(root_package), TEXTS)
 
 
-def unregister() -> None:
+def disabled() -> None:
     bpy.app.translations.unregister(str(root_package))
