@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
+from .rays import Caster, Hits
 from .scene import Aperture, Camera
 
 Floats = NDArray[np.float64]
@@ -26,6 +27,12 @@ class CameraRays(NamedTuple):
     origins: Floats  # (n, 3) [bu]
     directions: Floats  # (n, 3) unit
     reach: Floats  # (n,) [bu] to the far clipping plane; -inf where a panorama shows nothing
+
+    def met(self, caster: Caster) -> tuple[NDArray[np.int64], Hits]:
+        """Return which rays (k,) meet a surface, and where."""
+        hits = caster.intersect(self.origins, self.directions)
+        met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= self.reach))
+        return met, hits.take(met)
 
 
 def camera_rays(

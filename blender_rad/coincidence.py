@@ -41,8 +41,8 @@ BATCH = 65536  # rays
 def coincident_faces(light: DirectLight) -> dict[Unsupported, Bools]:
     """Return where in the picture (h, w) a face lies on another, by pair of objects.
 
-    Model: a few rays through each pixel, and more through those beside what they found, so that
-    narrow strips are followed to their ends.
+    A few rays go through each pixel, and more through those beside what they found, so that narrow
+    strips are followed to their ends.
     """
     scene, camera, rng = light.scene, light.scene.camera, np.random.default_rng(0)
     if camera is None:
@@ -88,9 +88,7 @@ def _coincident(
     row, column = np.divmod(pixel, scene.resolution[0])
     corner = np.stack([column, scene.resolution[1] - 1 - row], axis=-1)
     rays = camera_rays(camera, scene.resolution, corner + rng.random(corner.shape))
-    hits = light.visibility.camera.intersect(rays.origins, rays.directions)
-    met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))
-    hits = hits.take(met)
+    met, hits = rays.met(light.visibility.camera)
     surface = light.geometry.surface(hits, rays.directions.take(met, axis=0))
     for side in (-1.0, 1.0):
         rows, other = _others(hits, surface, light.geometry, loose, side)

@@ -26,7 +26,8 @@ from .bsdfs import Frame, Lobe, Mixture
 from .bsdfs._diffuse import Diffuse, cosine_weighted
 from .cameras import camera_rays
 from .closures import Closures
-from .rays import Caster, Hits
+from .direct import Visibility
+from .rays import Hits
 from .sampling import Points
 from .scene import Material, Mesh, Scene
 from .shading import Shading, contexts
@@ -76,17 +77,9 @@ class Goniometer:
         self._areas = [_areas(mesh) for mesh in scene.meshes]
         self._geometry = Geometry(self.scene)
         self._closures = Closures(self.scene, self._geometry)
-        materials = scene.materials
         self._albedo, self._passing, self._normals = (
-            Shading(self.scene, self._geometry, colours, textures)
-            for colours, textures in (
-                ([m.albedo for m in materials], [m.albedo_texture for m in materials]),
-                (
-                    [m.transmittance for m in materials],
-                    [m.transmittance_texture for m in materials],
-                ),
-                ([(0.0, 0.0, 0.0)] * len(materials), [m.normal for m in materials]),
-            )
+            Shading(self.scene, self._geometry, name)
+            for name in ("albedo", "transmittance", "normal")
         )
 
     def spots(self, index: int) -> Spots | None:
@@ -132,20 +125,13 @@ class Goniometer:
         if scene.measured is None or scene.camera is None:
             return None
         rows, columns = scene.measured.shape[1:3]
-        subpixel = np.random.default_rng(2).choice(
-            rows * columns, min(IN_VIEW, rows * columns), False
-        )
+        every = rows * columns
+        subpixel = np.random.default_rng(2).choice(every, min(IN_VIEW, every), False)
         row, column = np.divmod(subpixel, columns)
         where = np.stack([column + 0.5, rows - row - 0.5]).T * (scene.resolution[0] / columns)
         rays = camera_rays(scene.camera, scene.resolution, where)
-        seen = [
-            k
-            for k, i in enumerate(scene.instances)
-            if i.visible_camera and len(scene.meshes[i.mesh].triangles)
-        ]
-        hits = Caster(scene.meshes, scene.instances, seen).intersect(rays.origins, rays.directions)
-        met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))
-        return Spots(hits.take(met), subpixel[met])
+        met, hits = rays.met(Visibility(scene).camera)
+        return Spots(hits, subpixel[met])
 
     def _in_view(self, index: int) -> Spots | None:
         if self._view is None or not len(self._view.hits.instance):
@@ -165,10 +151,8 @@ class Goniometer:
     def front(self, spots: Spots) -> Array:
         """Return the geometric normals (n, 3) of the front."""
         surface = self._geometry.surface(spots.hits, np.ones((len(spots.hits.instance), 3)))
-        back = surface.backfacing
-        return surface.geometric_normal * (
-            1.0 if back is None else np.where(back, -1.0, 1.0)[:, None]
-        )
+        side = 1.0 if surface.backfacing is None else np.where(surface.backfacing, -1.0, 1.0)
+        return surface.geometric_normal * np.reshape(side, (-1, 1))
 
     def contexts(self, spots: Spots, index: int) -> Iterator[Context]:
         """Yield what is known at spots of a material, seen straight on."""
@@ -194,16 +178,14 @@ class Goniometer:
         """Return the response of each spot at each angle, to `count` directions each."""
         shape = len(spots.hits.instance), len(angles_deg), count
         place, angle, index = (each.ravel() for each in np.indices(shape))
-        n, cosine = len(place), np.cos(np.radians(angles_deg))[angle]
+        cosine: Array = np.cos(np.radians(angles_deg))[angle]
         spots = spots.take(place)
         uniform = Points(place, angle, index, seed)
         turn = 2.0 * np.pi * Points(place, place, np.zeros_like(place), 0).pair(0)[:, 0]
         up = self.front(spots)
-        frame = Frame.around(up)
-        local = np.empty((n, 3), order="F")
-        local[:, 0], local[:, 1], local[:, 2] = np.cos(turn), np.sin(turn), cosine
-        local[:, :2] *= np.sqrt(1.0 - cosine**2)[:, None]
-        wi = frame.world(local)
+        frame, sine = Frame.around(up), np.sqrt(1.0 - cosine**2)
+        local: Array = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
+        wi = frame.world(local.T)
         surface = self.surface(spots, wi)
         straight = self._passing.at(surface).reshape(*shape, 3)[:, :, 0]
         parts = self.lobes(surface)

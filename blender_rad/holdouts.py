@@ -15,18 +15,12 @@ Floats = NDArray[np.float64]
 
 
 class Holdouts:
-    """What surfaces take from alpha.
-
-    Attributes
-    ----------
-    exist : whether any does.
-    """
+    """What surfaces take from alpha, if any `exist` that do."""
 
     def __init__(self, scene: Scene, geometry: Geometry, transmission: Transmission) -> None:
         materials, self._transmission = scene.materials, transmission
         self._whole = np.array([m.held_out for m in materials], dtype=bool)
-        textures = [m.holdout_texture for m in materials]
-        self._share = Shading(scene, geometry, [m.holdout for m in materials], textures)
+        self._share = Shading(scene, geometry, "holdout")
         self.exist = any(m.held_out or any(m.holdout) or m.holdout_texture for m in materials)
 
     def at(self, surface: Surface) -> Floats:

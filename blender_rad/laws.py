@@ -41,20 +41,17 @@ KNOWN = {
 FLAWED = {"PHONG": "the highlight divides by the light's cosine alone"}
 LOSING = {"GGX", "BECKMANN", "ASHIKHMIN_SHIRLEY"}  # distributions that give nothing back
 BY_VIEW = {"ShaderNodeFresnel", "ShaderNodeLayerWeight"}
-DIFFUSE = {"ShaderNodeBsdfDiffuse": "Color", "ShaderNodeBsdfTranslucent": "Color"}
-METAL = {"ShaderNodeBsdfMetallic": "Base Color"}
+METAL = "ShaderNodeBsdfMetallic"
+REFLECTANCES = {
+    "ShaderNodeBsdfDiffuse": ("reflectance", "Color"),
+    "ShaderNodeBsdfTranslucent": ("reflectance", "Color"),
+    METAL: ("reflectance of metal", "Base Color"),
+}
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A material put to the laws; all but name and findings None where it is not supported.
-
-    Attributes
-    ----------
-    max_albedo, max_albedo_angle_deg : the largest share reflected, of any channel, and where.
-    asymmetry : the largest, of 2.
-    angles_deg, albedo, furnace : mean over the surface by angle of incidence and of view; (a, 3).
-    """
+    """A material put to the laws; all but name and findings None where it is not supported."""
 
     name: str
     supported: bool
@@ -62,12 +59,12 @@ class Judged:
     positive: bool | None = None
     reciprocal: bool | None = None
     energy_conserving: bool | None = None
-    max_albedo: float | None = None
+    max_albedo: float | None = None  # the largest share reflected, of any channel, and where
     max_albedo_angle_deg: float | None = None
-    asymmetry: float | None = None
+    asymmetry: float | None = None  # the largest, of 2
     angles_deg: tuple[float, ...] | None = None
-    albedo: Array | None = None
-    furnace: Array | None = None
+    albedo: Array | None = None  # (a, 3) mean over the surface by angle of incidence
+    furnace: Array | None = None  # (a, 3) by angle of view
 
 
 def judge(scene: Scene) -> list[Judged]:
@@ -130,9 +127,8 @@ class Subject:
             outshone = seen >= 1.0 + OWN
             said = f"{most:.4g} of the light leaves that comes {where}"
             if outshone:
-                said += (
-                    f", and {seen:.4g} of white surroundings is seen {self._where(point, angle)}"
-                )
+                said += f", and {seen:.4g} of white surroundings is seen "
+                said += self._where(point, angle)
             ours = outshone or not reasons
             why = colours or flaw or ("nothing shares it out" if ours else reasons)
             severity = "error" if ours else "info"
@@ -213,23 +209,19 @@ class Subject:
         material = self.material
         if not material.closures and not material.passes and not material.emits:
             albedo, texture = constant(material.albedo), material.albedo_texture
-            yield (
-                "reflectance",
-                "Color",
-                _values(texture + albedo if texture else albedo, 3, contexts),
-            )
+            albedo = texture + albedo if texture else albedo
+            yield "reflectance", "Color", _values(albedo, 3, contexts)
         for closure in material.closures:
             inputs, kind = closure.inputs, closure.kind
+            quantity, socket = REFLECTANCES.get(kind, ("", ""))
             if kind == "ShaderNodeBsdfPrincipled":
                 metal = _values(inputs["Metallic"], 1, contexts)[:, 0] > 0.5
                 colour = _values(inputs["Base Color"], 3, contexts)
                 yield "reflectance", "Base Color", colour[~metal]
                 yield "reflectance of metal", "Base Color", colour[metal]
-            elif kind in DIFFUSE:
-                yield "reflectance", DIFFUSE[kind], _values(inputs[DIFFUSE[kind]], 3, contexts)
-            elif kind in METAL and METAL[kind] in inputs:
-                yield "reflectance of metal", METAL[kind], _values(inputs[METAL[kind]], 3, contexts)
-            if "IOR" in inputs and kind not in METAL:
+            elif socket in inputs:
+                yield quantity, socket, _values(inputs[socket], 3, contexts)
+            if "IOR" in inputs and kind != METAL:
                 yield "IOR", "IOR", _values(inputs["IOR"], 1, contexts)
 
 

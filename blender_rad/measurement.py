@@ -30,18 +30,12 @@ BESIDE = sorted(
 
 
 class Measurement:
-    """Finds measured points.
-
-    Parameters
-    ----------
-    caster : of camera rays.
-    """
+    """Finds measured points; the `caster` is that of camera rays."""
 
     def __init__(self, scene: Scene, camera: Camera, geometry: Geometry, caster: Caster) -> None:
         self._scene, self._camera, self._geometry, self._caster = scene, camera, geometry, caster
         self._needed = np.array([m.measured for m in scene.materials], dtype=bool)
-        black = [(0.0, 0.0, 0.0)] * len(scene.materials)
-        self._normals = Shading(scene, geometry, black, [m.normal for m in scene.materials])
+        self._normals = Shading(scene, geometry, "normal")
 
     def of(self, surface: Surface, where: Floats) -> tuple[Surface, Ints]:
         """Return `surface` with its measured points and normals, and what has none (k,).
@@ -76,9 +70,8 @@ class Measurement:
     def _alike(self, surface: Surface, rows: Ints, where: Floats) -> NDArray[np.bool_]:
         """Return whether the view at places (k, 2) meets what the points `rows` (k,) are on."""
         rays = camera_rays(self._camera, self._scene.resolution, where)
-        hits = self._caster.intersect(rays.origins, rays.directions)
-        met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))
-        other = self._geometry.surface(hits.take(met), pick(rays.directions, met))
+        met, hits = rays.met(self._caster)
+        other = self._geometry.surface(hits, pick(rays.directions, met))
         same = rows.take(met)
         found = np.zeros(len(rows), dtype=bool)
         found[met] = (

@@ -135,11 +135,7 @@ class _Run:
         geometry = light.geometry
         self.holdouts = Holdouts(scene, geometry, light.transmission)
         self.albedo, self.emission = (
-            Shading(scene, geometry, colours, textures)
-            for colours, textures in (
-                ([m.albedo for m in materials], [m.albedo_texture for m in materials]),
-                ([m.emission for m in materials], [m.emission_texture for m in materials]),
-            )
+            Shading(scene, geometry, name, materials) for name in ("albedo", "emission")
         )
         self.closures = Closures(scene, geometry)
         self.measurement = Measurement(scene, camera, geometry, light.visibility.camera)

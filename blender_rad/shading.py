@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import Instance, Mesh, Scene
+from .scene import BLACK, Instance, Material, Mesh, Scene
 from .surfaces import Geometry, Surface, dot, normalized, pick
 from .tangents import around, tangents
 from .textures import GENERATED, NORMAL, TANGENT, Array, Context, Expression
@@ -18,23 +18,24 @@ Ints = NDArray[np.int64]
 
 
 class Shading:
-    """A colour of materials, constant or not.
+    """A colour of `materials`, those of the scene by default, constant or not.
 
-    Parameters
-    ----------
-    colours : (3,) by material.
-    textures : by material, what to add; None for nothing.
+    `name` is that of a colour of `Material` that has a ``…_texture``, or normal.
     """
 
     def __init__(
         self,
         scene: Scene,
         geometry: Geometry,
-        colours: Sequence[tuple[float, float, float]],
-        textures: Sequence[Expression | None],
+        name: str,
+        materials: Sequence[Material] | None = None,
     ) -> None:
         self._scene, self._geometry = scene, geometry
+        materials = scene.materials if materials is None else materials
+        bent, varying = name == "normal", name if name == "normal" else f"{name}_texture"
+        colours = [BLACK if bent else getattr(m, name) for m in materials]
         self._colours = np.array(colours, dtype=np.float64).reshape(-1, 3)
+        textures: list[Expression | None] = [getattr(m, varying) for m in materials]
         self._textures = {k: texture for k, texture in enumerate(textures) if texture}
 
     def at(self, surface: Surface) -> Array:
@@ -77,13 +78,10 @@ def _looked_up(table: NDArray[np.float32], points: Ints, slot: int) -> Array:
 def context_on(
     mesh: Mesh, instance: Instance, triangle: Ints, uv: Array, incoming: Array
 ) -> Context:
-    """Return where points on a mesh are, seen along `incoming` (n, 3), which need no unit length.
+    """Return where points on a mesh are, and who looks at them.
 
-    Parameters
-    ----------
-    triangle : (n,) index into the mesh's triangles.
-    uv : (2, n) barycentric weights of the second and third corner.
-    incoming : (n, 3) from the points to the viewers [bu].
+    They are on a `triangle` (n,) of the mesh, by the barycentric weights `uv` (2, n) of its second
+    and third corner, and seen along `incoming` (n, 3) [bu], which reaches to the viewers.
     """
     weights = np.stack([1.0 - uv[0] - uv[1], *uv], axis=1)
     matrix = instance.world_from_object

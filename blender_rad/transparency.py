@@ -34,12 +34,7 @@ class Transmission:
     def __init__(self, scene: Scene, geometry: Geometry, caster: Caster) -> None:
         self._geometry, self.caster = geometry, caster
         materials = scene.materials
-        self._share = Shading(
-            scene,
-            geometry,
-            [m.transmittance for m in materials],
-            [m.transmittance_texture for m in materials],
-        )
+        self._share = Shading(scene, geometry, "transmittance")
         self._known = np.array([m.opaque for m in materials], dtype=bool)
         self._most = scene.transparent_max_bounces
         self._leaks = scene.blender_version < (5, 0) or self._most == 0
