@@ -35,3 +35,9 @@ def atomic_path(path: str | os.PathLike[str]) -> Generator[Path, None, None]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def write_text(path: str | os.PathLike[str], text: str, newline: str | None = None) -> None:
+    """Write `text` to `path`, whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline=newline)

@@ -69,8 +69,13 @@ def run(argv: Sequence[str]) -> int:
     except RadError as error:
         return _complain(error)
     except Exception as error:
-        if isinstance(error, ModuleNotFoundError) and not _is_ours(error.name):
-            return _complain(_not_installed(error))
+        if isinstance(error, ModuleNotFoundError) and not (error.name or PACKAGE).startswith(
+            PACKAGE
+        ):
+            python = "Python {}.{}".format(*sys.version_info)
+            with_extra = "Python 3.11 or 3.13 and the package with its extra: pip install '.[bpy]'"
+            what = f"{error.name} is not installed"
+            return _complain(RadError(what, python, f"expected {with_extra}"))
         log.exception("a fault of this program, not of its input")
         return CRASHED
 
@@ -153,13 +158,3 @@ def _complain(error: RadError) -> int:
     log.info("raised here", exc_info=error)
     _say(f"error: {error}")
     return BAD_INPUT
-
-
-def _is_ours(module: str | None) -> bool:
-    return (module or PACKAGE).startswith(PACKAGE)
-
-
-def _not_installed(error: ModuleNotFoundError) -> RadError:
-    python = "{}.{}".format(*sys.version_info)
-    expected = "expected Python 3.11 or 3.13 and the package with its extra: pip install '.[bpy]'"
-    return RadError(f"{error.name} is not installed", f"Python {python}", expected)

@@ -28,18 +28,13 @@ def unknown_name(kind: str, name: str, where: str, known: list[str]) -> RadError
 
 @dataclass(frozen=True)
 class Finding:
-    """Something a user should know about the scene or the run.
+    """Something a user should know about the scene or the run."""
 
-    ``code`` is a stable kebab-case key, ``object`` the name of the light, object, material or
-    setting concerned (empty for the whole scene), ``effect_percent`` its effect on the light where
-    that is known.
-    """
-
-    code: str
+    code: str  # a stable kebab-case key
     severity: Severity
-    object: str
+    object: str  # name of the light, object, material or setting; empty for the whole scene
     message: str
-    effect_percent: float | None = None
+    effect_percent: float | None = None  # on the light, where that is known
 
     def __str__(self) -> str:
         about = f" {self.object}:" if self.object else ""

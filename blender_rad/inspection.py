@@ -75,8 +75,10 @@ def inspect_lights(scene: Scene, efficacy: float) -> tuple[list[dict[str, Any]],
         groups.setdefault(source.name, []).append(source)
     findings = list(scene.findings)
     rows: list[dict[str, Any]] = []
-    for sources in groups.values():
-        findings += _unit_scale(scene, sources[0])
+    for name, sources in groups.items():
+        findings += [
+            Finding(n.code, "warning", name, *n[1:]) for n in _unit_scale(scene, sources[0])
+        ]
         rows.append(_row(scene, efficacy, sources, findings))
     if not any(row["luminous_flux_lm"] or row["illuminance_lx"] for row in rows):
         findings.append(Finding("nothing-emits", "warning", "", "no light that is known to emit"))
@@ -87,9 +89,7 @@ def light_notes(scene: Scene) -> Iterator[tuple[str, Note]]:
     """Yield each light's name with what is to be known of it; for one of many instances."""
     sources = {source.name: source for source in reversed(list(_sources(scene)))}
     for name, source in reversed(sources.items()):
-        for found in _unit_scale(scene, source):
-            yield name, Note(found.code, found.message, found.effect_percent)
-        for note in _notes(source, np.array(scene.luminance_weights), scene.unit_scale_m):
+        for note in (*_unit_scale(scene, source), *_notes(scene, source)):
             yield name, note
 
 
@@ -118,18 +118,13 @@ def _built(record: LightRecord, model: Model) -> Light | str | None:
 
 def _amounts(kind: str, light: Light | str | None, metre: float) -> Array:
     """Return flux, peak intensity, radiance and facing irradiance, (4, 3), nan for none."""
-    if isinstance(light, str):
-        return np.full((4, 3), np.nan)
+    found = np.full((4, 3), np.nan)
     if light is None:
-        dark = [np.nan, np.nan, np.nan, 0.0] if kind == "SUN" else [0.0, 0.0, np.nan, np.nan]
-        return np.tile(np.array(dark)[:, None], 3)
-    area = metre**2
-    found = [
-        light.leaving_flux() * area,
-        light.peak_radiant_intensity() * area,
-        light.peak_radiance(),
-        light.facing_irradiance(),
-    ]
+        found[3 if kind == "SUN" else slice(2)] = 0.0
+    elif not isinstance(light, str):
+        found[0] = light.leaving_flux() * metre**2
+        found[1] = light.peak_radiant_intensity() * metre**2
+        found[2], found[3] = light.peak_radiance(), light.facing_irradiance()
     return np.where(np.isfinite(found), found, np.nan)
 
 
@@ -138,12 +133,16 @@ def _row(
 ) -> dict[str, Any]:
     first, weights = sources[0], np.array(scene.luminance_weights)
     placed = [instance.name for instance in scene.instances]
-    sky = first.kind == "WORLD"  # its parts are one thing
-    many = placed.count(first.name) if first.kind == "MESH" else len(sources)
-    count = 1 if sky else many
-    pieces = np.array([_amounts(s.kind, s.light, scene.unit_scale_m) for s in sources])
-    twins = np.array([_amounts(s.kind, s.other, scene.unit_scale_m) for s in sources])
-    amounts, others = (_joined(each, weights, count, sky) for each in (pieces, twins))
+    # The parts of a world are one thing.
+    counts = {"WORLD": 1, "MESH": placed.count(first.name)}
+    count = counts.get(first.kind, len(sources))
+    pieces, twins = (
+        np.array([_amounts(first.kind, light, scene.unit_scale_m) for light in lights])
+        for lights in ([s.light for s in sources], [s.other for s in sources])
+    )
+    amounts, others = (_joined(each, weights, count) for each in (pieces, twins))
+    if first.kind == "WORLD":
+        amounts[3], others[3] = pieces[:, 3].sum(axis=0), twins[:, 3].sum(axis=0)
     values: dict[str, Any] = {}
     for (radiant, luminous), rgb, twin in zip(KEYS, amounts, others, strict=True):
         values |= {
@@ -169,7 +168,7 @@ def _row(
     names = first.name, first.record and first.record.data
     notes = [f.message for f in findings if f.object and f.object in names]
     notes += [LINKED] * (first.name in scene.linking)
-    notes += [note.message for note in _notes(first, weights, scene.unit_scale_m)]
+    notes += [note.message for note in _notes(scene, first)]
     fluxes = pieces[:, 0].mean(axis=1)
     if len(sources) == count and np.ptp(fluxes) > SAME * np.abs(fluxes).max():
         low, high = fluxes.min(), fluxes.max()
@@ -180,16 +179,11 @@ def _row(
     return {**row, "notes": list(dict.fromkeys(notes))}
 
 
-def _joined(pieces: Array, weights: Array, count: int, sky: bool) -> Array:
-    """Return the mean flux of `count` pieces (k, 4, 3) and their greatest other amounts, (4, 3).
-
-    The irradiance of a sky's pieces is that of all.
-    """
+def _joined(pieces: Array, weights: Array, count: int) -> Array:
+    """Return the mean flux of `count` pieces (k, 4, 3) and their greatest other amounts, (4, 3)."""
     brightest = np.argmax(np.abs(pieces @ weights), axis=0)
     amounts = pieces[brightest, np.arange(4)]
     amounts[0] = pieces[:, 0].sum(axis=0) / count
-    if sky:
-        amounts[3] = pieces[:, 3].sum(axis=0)
     return amounts
 
 
@@ -206,7 +200,7 @@ def _ratio(over: Array, under: Array) -> float:
     return float(over[channel] / under[channel])
 
 
-def _unit_scale(scene: Scene, source: _Source) -> Iterator[Finding]:
+def _unit_scale(scene: Scene, source: _Source) -> Iterator[Note]:
     """Yield what the unit scale makes of a power, with both figures."""
     pair = source.light, source.other
     cycles, physical = pair if scene.model == "cycles" else pair[::-1]
@@ -215,17 +209,15 @@ def _unit_scale(scene: Scene, source: _Source) -> Iterator[Finding]:
     effect = _ratio(cycles.leaving_flux(), physical.leaving_flux()) - 1.0
     if source.record and abs(effect) > SAME:
         energy = source.record.properties["energy"]
-        yield Finding(
+        yield Note(
             "unit-scale",
-            "warning",
-            source.name,
             f"a unit is {scene.unit_scale_m:g} m, but Cycles lets light fall off over units: its "
             f"{figure(energy)} W light the scene as {figure(energy * (1.0 + effect))} W would",
             100.0 * effect,
         )
 
 
-def _notes(source: _Source, weights: Array, metre: float) -> Iterator[Note]:
+def _notes(scene: Scene, source: _Source) -> Iterator[Note]:
     """Yield why a light is not what its number says."""
     light, record = source.light, source.record
     if isinstance(light, str):
@@ -249,8 +241,8 @@ def _notes(source: _Source, weights: Array, metre: float) -> Iterator[Note]:
         )
     elif record is not None:
         yield from _of_power(light, record)
-        yield from _of_colour(record, weights)
-        yield from _of_shape(light, record, metre)
+        yield from _of_colour(record, np.array(scene.luminance_weights))
+        yield from _of_shape(light, record, scene.unit_scale_m)
         if light.distribution is not None:
             cycles = EFFICACIES_LM_W["cycles-ies"]
             yield Note(

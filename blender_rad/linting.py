@@ -327,12 +327,12 @@ def severity_of(effect_percent: float | None) -> Severity:
 
 def found_by(code: str, scene: Scene, threads: int | None = None) -> list[Finding]:
     """Return what the rule `code`, which asks for no settings, finds in a scene."""
-    return [
-        Finding(
-            code, s.severity or severity_of(s.effect_percent), s.about, s.message, s.effect_percent
-        )
-        for s in RULES[code](Lint(scene, {}, threads))
-    ]
+    return [_finding(code, said) for said in RULES[code](Lint(scene, {}, threads))]
+
+
+def _finding(code: str, said: Said) -> Finding:
+    message, effect, severity, about = said
+    return Finding(code, severity or severity_of(effect), about, message, effect)
 
 
 def _said(lint: Lint) -> Iterator[tuple[str, Said]]:
@@ -353,13 +353,12 @@ def lint(
     measured: Mapping[str, float] | None = None,
 ) -> list[Finding]:
     """Return all findings, the gravest first; `measured` effects [%] by code replace our own."""
+    known = measured or {}
+    findings = [
+        _finding(code, Said(said.message, known[code], None, said.about) if code in known else said)
+        for code, said in _said(Lint(scene, settings, threads))
+    ]
     found: dict[tuple[str, str], Finding] = {}
-    known = dict(measured or {})
-    for code, said in _said(Lint(scene, settings, threads)):
-        effect = known.get(code, said.effect_percent)
-        severity = None if code in known else said.severity
-        finding = Finding(code, severity or severity_of(effect), said.about, said.message, effect)
-        found.setdefault((code, said.about or said.message), finding)
-    for finding in scene.findings:
+    for finding in (*findings, *scene.findings):
         found.setdefault((finding.code, finding.object or finding.message), finding)
     return sorted(found.values(), key=lambda finding: GRAVITY.index(finding.severity))

@@ -15,12 +15,7 @@ Entry = TypeVar("Entry")
 class Registry(Mapping[str, T], Generic[T]):
     """A name-to-object table that imports its package's modules on first use.
 
-    Parameters
-    ----------
-    package : str
-        Dotted name of the package whose non-underscore modules register themselves.
-    kind : str
-        What the entries are, for messages.
+    Modules whose names begin with an underscore are left out; `kind` is what entries are called.
     """
 
     def __init__(self, package: str, kind: str) -> None:

@@ -37,18 +37,13 @@ FORMS = {  # units by Blender's type of emitter, the usual one first
 class Convention:
     """How watts become lumens, and where lux are read.
 
-    Attributes
-    ----------
-    efficacy : lumens of a Blender watt [lm/W], one number for all lights of a scene.
-    lm_per_W : of the light's own spectrum, None where it states none.
-    weights : of R, G and B in luminance.
-    distance : along the light's axis, of units that need one [m].
+    `lm_per_W` is of the light's own spectrum, None where it states none.
     """
 
-    weights: tuple[float, float, float]
-    efficacy: float = K_M
+    weights: tuple[float, float, float]  # of R, G and B in luminance
+    efficacy: float = K_M  # lumens of a Blender watt [lm/W], for all lights of a scene
     lm_per_W: float | None = None  # noqa: N815 - the unit's own spelling
-    distance: float = 1.0
+    distance: float = 1.0  # along the light's axis, of units that need one [m]
 
 
 def unit_for(kind: str, unit: str) -> str:

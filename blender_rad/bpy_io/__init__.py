@@ -10,8 +10,7 @@ import sys
 from contextlib import nullcontext
 from typing import Any
 
-from .interrupt import interrupt_later
-from .quiet import quiet_stdout, silence_exit
+from .quiet import interrupt_later, quiet_stdout, silence_exit
 
 with interrupt_later(), nullcontext() if "bpy" in sys.modules else quiet_stdout():
     import bpy  # as a Python package it greets

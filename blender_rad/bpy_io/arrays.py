@@ -9,24 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def floats(collection: Any, attribute: str, width: int) -> NDArray[np.float32]:
-    """Return `attribute` of all elements of a collection, (n, width) float32."""
-    values = np.zeros(len(collection) * width, dtype=np.float32)
-    collection.foreach_get(attribute, values)
-    return values.reshape(-1, width)
-
-
-def integers(collection: Any, attribute: str, width: int = 1) -> NDArray[np.int32]:
-    """Return `attribute` of all elements of a collection, (n,) or (n, width) int32."""
-    values = np.zeros(len(collection) * width, dtype=np.int32)
-    collection.foreach_get(attribute, values)
-    return values.reshape(-1, width) if width > 1 else values
-
-
-def booleans(collection: Any, attribute: str) -> NDArray[np.bool_]:
-    """Return `attribute` of all elements of a collection, (n,) bool."""
-    values = np.zeros(len(collection), dtype=np.bool_)
-    collection.foreach_get(attribute, values)
+def gathered(collection: Any, attribute: str, dtype: type, *width: int) -> NDArray[Any]:
+    """Return `attribute` of all elements of a collection, (n,) or (n, width) of `dtype`."""
+    values = np.zeros((len(collection), *width), dtype=dtype)
+    collection.foreach_get(attribute, values.reshape(-1))
     return values
 
 

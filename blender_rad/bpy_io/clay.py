@@ -37,15 +37,22 @@ def _rebuild(bl_material: Any, clay: Material) -> None:
         bl_material.use_nodes = True
     tree = bl_material.node_tree
     output = tree.get_output_node('CYCLES') or tree.nodes.new('ShaderNodeOutputMaterial')
-    kept = not clay.emission_known or clay.emission_texture is not None
-    stale = {"Volume", "Displacement"} | (set() if kept else {"Surface"})
     bl_material.use_transparent_shadow = False
-    for link in [link for link in tree.links if link.to_node == output]:
-        if link.to_socket.name in stale:
+    for name in ("Volume", "Displacement"):
+        for link in list(output.inputs[name].links):
             tree.links.remove(link)
-    if clay.emission_known:
-        _keep_emission(output.inputs["Surface"])
-        _shade(tree, output.inputs["Surface"], clay)
+    if not clay.emission_known:
+        return
+    surface, add = output.inputs["Surface"], tree.nodes.new('ShaderNodeAddShader')
+    _keep_emission(surface)
+    for link in surface.links:
+        tree.links.new(link.from_socket, add.inputs[1])
+    tree.links.new(add.outputs[0], surface)
+    if any(clay.albedo):
+        lambert = tree.nodes.new('ShaderNodeBsdfDiffuse')
+        lambert.inputs["Color"].default_value = (*clay.albedo, 1.0)
+        lambert.inputs["Roughness"].default_value = 0.0
+        tree.links.new(lambert.outputs[0], add.inputs[0])
 
 
 def _keep_emission(surface: Any) -> None:
@@ -72,24 +79,6 @@ def _keep_emission(surface: Any) -> None:
                 tree.links.new(link.from_socket, to)
         for target in targets:
             tree.links.new(glow.outputs[0], target)
-
-
-def _shade(tree: Any, surface: Any, clay: Material) -> None:
-    """Link Lambert reflection and emission, as far as `clay` has them, to `surface`."""
-    add = tree.nodes.new('ShaderNodeAddShader')
-    emission = () if surface.links else clay.emission
-    for link in surface.links:
-        tree.links.new(link.from_socket, add.inputs[1])
-    tree.links.new(add.outputs[0], surface)
-    for kind, rgb, name, value, to in (
-        ('ShaderNodeBsdfDiffuse', clay.albedo, "Roughness", 0.0, add.inputs[0]),
-        ('ShaderNodeEmission', emission, "Strength", 1.0, add.inputs[1]),
-    ):
-        if any(rgb):
-            closure = tree.nodes.new(kind)
-            closure.inputs["Color"].default_value = (*rgb, 1.0)
-            closure.inputs[name].default_value = value
-            tree.links.new(closure.outputs[0], to)
 
 
 def _cover(bl_object: Any, bare: Any) -> None:

@@ -18,6 +18,7 @@ from ..textures.arithmetic import OF_NUMBERS, OF_VECTORS
 from ..textures.colours import BLENDS
 from ..working_space import WORKING_SPACES, luminance_weights
 from .arrays import matrix
+from .open import working_space
 
 Groups = tuple[Any, ...]
 Known = dict[tuple[int, ...], Expression]
@@ -40,20 +41,12 @@ _OUTPUTS = {  # of nodes that have others too, which are not known
 
 
 class Source(NamedTuple):
-    """What a socket gets: the output that feeds it, or the socket whose own value counts.
+    """What a socket gets: the output that feeds it, or the socket whose own value counts."""
 
-    Attributes
-    ----------
-    socket : the last input followed.
-    output : the node output behind it, None when nothing is linked.
-    groups : the group nodes that were entered on the way, outermost first.
-    types : of the sockets passed, the first one's first.
-    """
-
-    socket: Any
-    output: Any | None
-    groups: Groups
-    types: tuple[str, ...] = ()
+    socket: Any  # the last input followed
+    output: Any | None  # None when nothing is linked
+    groups: Groups  # group nodes that were entered on the way, outermost first
+    types: tuple[str, ...] = ()  # of the sockets passed, the first one's first
 
 
 class UnknownNodeError(Exception):
@@ -70,14 +63,17 @@ def source(socket: Any, groups: Groups = ()) -> Source:
             return Source(socket, None, groups, types)
         output, node = link.from_socket, link.from_node
         if node.mute:
-            inside = (i.from_socket for i in node.internal_links if i.to_socket == output)
-            behind = next(inside, None)
+            through = (i.from_socket for i in node.internal_links if i.to_socket == output)
+            behind = next(through, None)
         elif node.bl_idname == "NodeReroute":
             behind = node.inputs[0]
         elif node.bl_idname == "NodeGroupInput" and groups:
             behind, groups = _same(groups[-1].inputs, output), groups[:-1]
         elif node.bl_idname == "ShaderNodeGroup":
-            behind, groups = _group_result(node, output), (*groups, node)
+            inside = node.node_tree.nodes if node.node_tree else ()
+            ends = (n for n in inside if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
+            behind = next((_same(end.inputs, output) for end in ends), None)
+            groups = (*groups, node)
         else:
             return Source(socket, output, groups, types)
         if behind is None:
@@ -103,12 +99,6 @@ def _same(sockets: Any, wanted: Any) -> Any | None:
     return next((s for s in sockets if s.identifier == wanted.identifier), None)
 
 
-def _group_result(group: Any, output: Any) -> Any | None:
-    nodes = group.node_tree.nodes if group.node_tree else ()
-    ends = (n for n in nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
-    return next((_same(end.inputs, output) for end in ends), None)
-
-
 def expression(socket: Any, groups: Groups = (), known: Known | None = None) -> Expression:
     """Return what computes the value that `socket` gets.
 
@@ -123,9 +113,7 @@ def expression(socket: Any, groups: Groups = (), known: Known | None = None) -> 
         value = getattr(end, "default_value", None)
         if value is None or isinstance(value, str):
             raise UnknownNodeError(f"{end.name} of {end.node.bl_label}")
-        numeric = isinstance(value, int | float)
-        found, types = constant(value if numeric else tuple(value)[:3]), types[:-1]
-        kind = end.type
+        found, kind, types = default(end), end.type, types[:-1]
     else:
         place = (output.as_pointer(), *(group.as_pointer() for group in groups))
         if place not in known:
@@ -134,6 +122,12 @@ def expression(socket: Any, groups: Groups = (), known: Known | None = None) -> 
     for wanted in reversed(types):
         found, kind = _converted(found, kind, wanted), wanted
     return found
+
+
+def default(socket: Any) -> Expression:
+    """Return the value that a socket has by itself."""
+    value = socket.default_value
+    return constant(value if isinstance(value, int | float) else tuple(value)[:3])
 
 
 def _converted(found: Expression, kind: str, wanted: str) -> Expression:
@@ -146,8 +140,6 @@ def _converted(found: Expression, kind: str, wanted: str) -> Expression:
 
 def _weights() -> tuple[float, float, float]:
     """Return the luminance weights of the open file's working space."""
-    from .read import working_space
-
     return luminance_weights(WORKING_SPACES[working_space()])
 
 
@@ -156,8 +148,7 @@ def _output(output: Any, groups: Groups, known: Known) -> Expression:
     node, name = output.node, output.identifier
     kind = node.bl_idname
     if kind in {"ShaderNodeValue", "ShaderNodeRGB"}:
-        value = output.default_value
-        return constant(value if kind == "ShaderNodeValue" else tuple(value)[:3])
+        return default(output)
     modes = {"ShaderNodeMath": OF_NUMBERS, "ShaderNodeVectorMath": {*OF_VECTORS, "SCALE"}}
     operation = getattr(node, "operation", None)
     blended = kind == "ShaderNodeMixRGB" or getattr(node, "data_type", "") == "RGBA"
@@ -200,12 +191,8 @@ def plain_properties(block: Any) -> dict[str, Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         values = {name: getattr(block, name) for name in _plain(type(block))}
-        return {
-            name: tuple(value)
-            if hasattr(value, "__len__") and not isinstance(value, str)
-            else value
-            for name, value in values.items()
-        }
+    many = {k: tuple(v) for k, v in values.items() if hasattr(v, "__len__") and type(v) is not str}
+    return values | many
 
 
 @cache
@@ -220,8 +207,8 @@ def _plain(kind: Any) -> tuple[str, ...]:
 
 def _ramp(node: Any) -> dict[str, Any]:
     ramp = node.color_ramp
-    table = np.array([tuple(ramp.evaluate(i / (TABLE - 1))) for i in range(TABLE)])
-    return {"table": table, "step": ramp.interpolation == "CONSTANT"}
+    table = [tuple(ramp.evaluate(x)) for x in np.linspace(0.0, 1.0, TABLE)]
+    return {"table": np.array(table), "step": ramp.interpolation == "CONSTANT"}
 
 
 def _curves(node: Any) -> dict[str, Any]:
@@ -237,11 +224,8 @@ def _curves(node: Any) -> dict[str, Any]:
 
 
 def _coordinates(node: Any) -> dict[str, Any]:
-    return (
-        {"object_from_world": np.linalg.inv(matrix(node.object.matrix_world))}
-        if node.object
-        else {}
-    )
+    target = node.object
+    return {"object_from_world": np.linalg.inv(matrix(target.matrix_world))} if target else {}
 
 
 def _image(node: Any) -> dict[str, Any]:
@@ -251,7 +235,7 @@ def _image(node: Any) -> dict[str, Any]:
     if image is None:
         return {}
     space = image.colorspace_settings.name
-    plain = _rec709() or space in {"Non-Color", "Raw"}
+    plain = working_space() == "Linear Rec.709" or space in {"Non-Color", "Raw"}
     known = {'FILE', 'GENERATED'} | ({'TILED'} if node.projection == 'FLAT' else set())
     if image.source not in known or space not in {*_LINEAR, "sRGB"} or not plain:
         raise UnknownNodeError(f"{node.bl_label} ({image.source.lower()}, {space})")
@@ -261,20 +245,12 @@ def _image(node: Any) -> dict[str, Any]:
     if pixels is None:
         return {}
     straight = image.alpha_mode in {'STRAIGHT', 'PREMUL'} and space != "Non-Color"
+    alpha = node.outputs.get("Alpha")
     return {
         "pixels": pixels,
-        **({"tiles": there} if there else {}),
         "encoded": space == "sRGB" and pixels.dtype == np.uint8,
-        "unassociate": straight
-        and "Alpha" in node.outputs
-        and bool(node.outputs["Alpha"].is_linked),
-    }
-
-
-def _rec709() -> bool:
-    from .read import working_space
-
-    return working_space() == "Linear Rec.709"
+        "unassociate": straight and alpha is not None and alpha.is_linked,
+    } | ({"tiles": there} if there else {})
 
 
 def _pixels(image: Any, tile: int = 0) -> Pixels | None:

@@ -44,10 +44,8 @@ def add_photometric_light(light: Distribution, name: str | None = None) -> Any:
     return placed
 
 
-def ies_emission(
-    light: Any, world_from_light: Array
-) -> tuple[nodes.Triple, dict[str, Any], str | None] | None:
-    """Return what a light's IES Texture multiplies, its record properties, and what is unknown.
+def ies_emission(light: Any, world_from_light: Array) -> tuple[dict[str, Any], str | None] | None:
+    """Return the record properties of a light's IES Texture, and what is not known of it.
 
     None where no IES Texture feeds the strength of a single Emission.
     """
@@ -63,11 +61,11 @@ def ies_emission(
     rgb = nodes.colour(leaf.node.inputs["Color"], leaf.groups)
     frame = _frame(node.inputs["Vector"], groups, light, world_from_light[:3, :3].T)
     if factor is None or strength is None or rgb is None or leaf.share is None or frame is None:
-        return nodes.BLACK, {}, f"{FEATURE} with inputs that are not constant"
+        return {}, f"{FEATURE} with inputs that are not constant"
     if light.type == 'SUN' or abs(np.linalg.det(frame)) == 0.0:
-        return nodes.BLACK, {}, f"{FEATURE} on a {light.type.lower()} light of no size"
-    red, green, blue = (factor * strength * leaf.share * x for x in rgb)
-    return (red, green, blue), {"ies_text": _content(node), "ies_frame": frame}, None
+        return {}, f"{FEATURE} on a {light.type.lower()} light of no size"
+    tint = tuple(factor * strength * leaf.share * channel for channel in rgb)
+    return {"node_emission": tint, "ies_text": _content(node), "ies_frame": frame}, None
 
 
 def _product(socket: Any, groups: nodes.Groups) -> tuple[float | None, Any, nodes.Groups]:

@@ -16,13 +16,13 @@ from ..errors import Finding, RadError
 from ..lights import RAYS, Light, Model
 from ..lights._base import LightRecord, light_from_record
 from ..scene import Instance, Linking, Material, Mesh, Unsupported
-from .arrays import floats, matrix
+from .arrays import gathered, matrix
 from .expressions import IMAGES
 from .lights import NOT_FINITE, light_record
 from .linking import lost_in_cycles, read_linking
 from .materials import Shading, Surface, surface_of
 from .meshes import box_mesh, read_mesh
-from .questions import Questions
+from .questions import Asking
 
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
 Floats = NDArray[np.float64]
@@ -41,20 +41,13 @@ _RAYS = ("camera", *RAYS, "volume_scatter", "shadow")
 
 @dataclass(frozen=True)
 class _Facts:
-    """What holds for an object under one instancer.
-
-    Attributes
-    ----------
-    features : what the object does that cannot be evaluated.
-    transparent : whether shadow rays may pass it for that reason.
-    held_out : whether the camera sees nothing of it.
-    """
+    """What holds for an object under one instancer."""
 
     name: str
-    visible: dict[str, bool]
-    features: tuple[str, ...]
-    transparent: bool
-    held_out: bool
+    visible: dict[str, bool]  # by kind of ray
+    features: tuple[str, ...]  # what it does that cannot be evaluated
+    transparent: bool  # whether shadow rays may pass it for that reason
+    held_out: bool  # whether the camera sees nothing of it
     modified: bool
 
 
@@ -66,7 +59,7 @@ class Reader:
     shading: Shading
     model: Model
     unit_scale_m: float
-    questions: Questions | None = None
+    questions: list[Asking] | None = None
     meshes: list[Mesh] = field(default_factory=list)
     materials: list[Material] = field(default_factory=list)
     instances: list[Instance] = field(default_factory=list)
@@ -81,9 +74,7 @@ class Reader:
         IMAGES.clear()
         self._scene = self.depsgraph.scene
         self._layer = self.depsgraph.view_layer
-        self._twins = {
-            name for name, n in Counter(o.name for o in bpy.data.objects).items() if n > 1
-        }
+        self._known = Counter(o.name for o in bpy.data.objects)
         self._mesh_index: dict[Any, int | None] = {}
         self._material_index: dict[Any, int] = {}
         self._surfaces: dict[int, Surface] = {}
@@ -178,40 +169,31 @@ class Reader:
 
     def _name(self, original: Any) -> str:
         """Return the object's name, its library first where two objects share it."""
-        library = original.library
-        twin = library and original.name in self._twins
-        return f"{library.name}/{original.name}" if twin else original.name
+        name, library = original.name, original.library
+        return f"{library.name}/{name}" if library and self._known[name] > 1 else name
 
     def _mesh_instance(self, shown: Any, real: Any, facts: _Facts) -> Iterator[Instance]:
         """Yield an instance of a mesh; one mesh for every geometry that Cycles keeps apart."""
         own = shown.data == real.data
         key = real.as_pointer() if own and facts.modified else shown.data.as_pointer()
         if key not in self._mesh_index:
-            self._mesh_index[key] = self._new_mesh(shown.data, facts)
+            mesh, left_out = read_mesh(shown.data, modified=facts.modified)
+            if left_out:
+                self._left_out(facts.name, f"{left_out} of its triangles are not finite")
+            self._mesh_index[key] = len(self.meshes) if len(mesh.triangles) else None
+            self.meshes += [mesh] * (len(mesh.triangles) > 0)
         index = self._mesh_index[key]
         if index is None:
             return
-        surfaces = self._slot_surfaces(shown, int(self.meshes[index].slots.max()) + 1)
+        override = self._layer.material_override
+        blocks = [override or slot.material for slot in shown.material_slots] or [override]
+        used = int(self.meshes[index].slots.max()) + 1  # those beyond the last take it
+        surfaces = [self._surface(block) for block in blocks][:used]
+        surfaces += surfaces[-1:] * (used - len(surfaces))
         moved = self.shading == "full" and any(surface.moved for surface in surfaces)
         if moved or "Adaptive subdivision" in facts.features:
             self._apart.add(index)
         yield self._instance(shown, facts, index, surfaces)
-
-    def _new_mesh(self, bl_mesh: Any, facts: _Facts) -> int | None:
-        mesh, left_out = read_mesh(bl_mesh, modified=facts.modified)
-        if left_out:
-            self._left_out(facts.name, f"{left_out} of its triangles are not finite")
-        if not len(mesh.triangles):
-            return None
-        self.meshes.append(mesh)
-        return len(self.meshes) - 1
-
-    def _slot_surfaces(self, shown: Any, slots: int) -> list[Surface]:
-        """Return a surface for each slot that the mesh uses; slots beyond the last take it."""
-        override = self._layer.material_override
-        blocks = [override or slot.material for slot in shown.material_slots] or [override]
-        found = [self._surface(block) for block in blocks]
-        return found[:slots] + found[-1:] * (slots - len(found))
 
     def _surface(self, block: Any | None) -> Surface:
         key = block.as_pointer() if block else 0
@@ -314,9 +296,9 @@ class Reader:
         """Add the records of the scene's lights that renders do not have."""
         names = {record.name for record in self.records}
         for bl_object in self._scene.original.objects:
-            if bl_object.type == "LIGHT" and self._name(bl_object) not in names:
-                place = matrix(bl_object.matrix_world)
-                self._record(bl_object, self._name(bl_object), place, shown=False)
+            name = self._name(bl_object)
+            if bl_object.type == "LIGHT" and name not in names:
+                self._record(bl_object, name, matrix(bl_object.matrix_world), shown=False)
 
     def _left_out(self, name: str, why: str) -> None:
         self.findings.append(Finding("not-finite", "warning", name, f"left out: {why}"))
@@ -324,11 +306,11 @@ class Reader:
 
 def _adaptive(shown: Any, scene: Any) -> bool:
     """Return whether Cycles dices the object itself, so that its triangles are not these."""
-    subdivision = next((m for m in reversed(shown.modifiers) if m.show_render), None)
-    if subdivision is None or subdivision.type != "SUBSURF":
+    last = next((m for m in reversed(shown.modifiers) if m.show_render), None)
+    if last is None or last.type != "SUBSURF":
         return False
-    if hasattr(subdivision, "use_adaptive_subdivision"):
-        return bool(subdivision.use_adaptive_subdivision)
+    if bpy.app.version >= (5, 0):
+        return bool(last.use_adaptive_subdivision)
     experimental = scene.cycles.feature_set == "EXPERIMENTAL"
     return experimental and bool(shown.cycles.use_adaptive_subdivision)
 
@@ -343,15 +325,13 @@ def _culled(shown: Any, scene: Any) -> bool:
 
 def _hair_bounds(shown: Any) -> Bounds | None:
     """Return a box around the object's particle hair with its children, None without hair."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    points = [np.zeros((0, 3))]
     for system in shown.particle_systems:
-        settings = system.settings
-        if settings.type != "HAIR" or settings.render_type != "PATH":
-            continue
-        keys = [floats(particle.hair_keys, "co", 3) for particle in system.particles]
-        points = np.concatenate([np.zeros((0, 3), np.float32), *keys])
-        if len(points):
-            margin = settings.child_radius + settings.kink_amplitude + settings.hair_length / 2
-            low = np.minimum(low, points.min(axis=0) - margin)
-            high = np.maximum(high, points.max(axis=0) + margin)
-    return (low, high) if np.isfinite(low).all() else None
+        hair = system.settings
+        if hair.type == "HAIR" and hair.render_type == "PATH":
+            margin = hair.child_radius + hair.kink_amplitude + hair.hair_length / 2
+            for particle in system.particles:
+                keys = gathered(particle.hair_keys, "co", np.float32, 3)
+                points += [keys - margin, keys + margin]
+    every = np.concatenate(points)
+    return (every.min(axis=0), every.max(axis=0)) if len(every) else None

@@ -14,7 +14,6 @@ from . import nodes
 from .expressions import plain_properties
 from .ies import ies_emission
 
-_NODES = "node_emission"
 NOT_FINITE = "its position, energy or size is not finite"
 
 
@@ -35,13 +34,18 @@ def light_record(
     varies as ``node_texture``, and one that is not known does not. An IES texture comes as
     ``ies_text``, ``ies_frame``.
     """
-    light = bl_object.data
+    light, unknown = bl_object.data, None
     properties = plain_properties(light)
     properties |= {f"cycles.{key}": value for key, value in plain_properties(light.cycles).items()}
-    unknown = None
     if nodes.uses_nodes(light):
-        emission, texture, unknown = _emission(light, world_from_light)
-        properties |= {} if unknown else {_NODES: emission, **texture}
+        emission, varying, unknown = nodes.emission(light.node_tree, {"ShaderNodeEmission"})
+        found: dict[str, Any] = {"node_emission": emission}
+        if varying:
+            whole = varying + constant(emission)
+            found = {"node_emission": nodes.grey(1.0), "node_texture": whole}
+        elif unknown and (ies := ies_emission(light, world_from_light)):
+            found, unknown = ies
+        properties |= {} if unknown else found
     numbers = [value for value in properties.values() if isinstance(value, float)]
     if not (np.isfinite(numbers).all() and np.isfinite(world_from_light).all()):
         unknown = NOT_FINITE
@@ -57,15 +61,3 @@ def light_record(
         shown=shown,
         unknown=unknown or "",
     )
-
-
-def _emission(
-    light: Any, world_from_light: NDArray[Any]
-) -> tuple[nodes.Triple, dict[str, Any], str | None]:
-    """Return what the node tree multiplies, its texture's properties, and what is not known."""
-    found, varying, feature = nodes.emission(light.node_tree, {"ShaderNodeEmission"})
-    if feature:
-        return ies_emission(light, world_from_light) or (found, {}, feature)
-    if varying is None:
-        return found, {}, None
-    return nodes.grey(1.0), {"node_texture": varying + constant(found)}, None

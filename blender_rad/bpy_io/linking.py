@@ -14,9 +14,6 @@ from ..errors import Finding
 from ..lights import Light, LightRecord
 from ..scene import Linking
 
-_LOSS = "Cycles loses some of its light behind objects that its shadow linking leaves out"
-_REMEDY = ": switch off its Multiple Importance"
-
 
 def read_linking(
     depsgraph: Any, placed: Sequence[tuple[int, int]], name: Callable[[Any], str]
@@ -53,8 +50,10 @@ def lost_in_cycles(
     key = "cycles.use_multiple_importance_sampling"
     single = {r.name for r in records if not r.properties[key]} | deltas
     lamps = {record.name for record in records}
+    loss = "Cycles loses some of its light behind objects that its shadow linking leaves out"
+    remedy = ": switch off its Multiple Importance"
     return [
-        Finding("shadow-linking", "warning", name, _LOSS + _REMEDY * (name in lamps))
+        Finding("shadow-linking", "warning", name, loss + remedy * (name in lamps))
         for name, links in linking.items()
         if not links.shadowing[-1] and name not in single
     ]

@@ -17,9 +17,9 @@ from ..bsdfs import BSDFS
 from ..scene import CLAY_ALBEDO, Closure, Material, Unsupported
 from ..textures import Expression, constant, folded
 from . import nodes
-from .expressions import plain_properties
+from .expressions import default, plain_properties
 from .nodes import Ask, Leaf
-from .questions import Asking, Questions
+from .questions import Asking
 
 Shading = Literal["full", "clay"]
 
@@ -59,24 +59,14 @@ _PRINCIPLED_DEFAULTS = {  # of the surface of empty slots from Blender 5 on
 
 @dataclass(frozen=True)
 class Surface:
-    """What reaches a material's output, before it is decided how it is to be shaded.
+    """What reaches a material's output, before it is decided how it is to be shaded."""
 
-    Attributes
-    ----------
-    full : with all that it does; what cannot be evaluated is unsupported.
-    reflects : whether any closure does something else than emit.
-    unknown_emission : what emits in a way that is not known; empty when nothing does.
-    transmits : whether light may pass it, in whatever way: what clay closes.
-    moved : whether Cycles leaves the normals in object space for it.
-    asked : sockets whose values Blender is asked for.
-    """
-
-    full: Material
-    reflects: bool = True
-    unknown_emission: str = ""
-    transmits: bool = False
-    moved: bool = False
-    asked: tuple[str, ...] = ()
+    full: Material  # with all that it does; what cannot be evaluated is unsupported
+    reflects: bool = True  # whether any closure does something else than emit
+    unknown_emission: str = ""  # what of it emits in a way that is not known
+    transmits: bool = False  # whether light may pass it, in whatever way: what clay closes
+    moved: bool = False  # whether Cycles leaves the normals in object space for it
+    asked: tuple[str, ...] = ()  # sockets whose values Blender is asked for
 
     @property
     def may_emit(self) -> bool:
@@ -106,10 +96,10 @@ def read_material(bl_material: Any | None, shading: Shading) -> Material:
     return surface.clay if shading == "clay" else surface.full
 
 
-def surface_of(bl_material: Any | None, questions: Questions | None = None) -> Surface:
+def surface_of(bl_material: Any | None, questions: list[Asking] | None = None) -> Surface:
     """Return what reaches the output of a material that Cycles would use.
 
-    `questions` notes what Blender is to be asked; None asks it nothing.
+    `questions` gets what Blender is to be asked; None asks it nothing.
     """
     if bl_material is None:
         return Surface(_empty_slot())
@@ -119,7 +109,10 @@ def surface_of(bl_material: Any | None, questions: Questions | None = None) -> S
     output = bl_material.node_tree.get_output_node("CYCLES")
     if output is None:
         return Surface(Material(bl_material.name), reflects=False)
-    return _from_output(bl_material, output, questions and questions.about(bl_material))
+    if questions is None:
+        return _from_output(bl_material, output, None)
+    questions.append(Asking(bl_material.original))
+    return _from_output(bl_material, output, questions[-1])
 
 
 def _empty_slot() -> Material:
@@ -222,8 +215,7 @@ def _input(leaf: Leaf, socket: Any, ask: Ask | None) -> Expression | None:
     layers = [n for n in _LAYERS if socket.name.startswith(n.rsplit(" ", 1)[0])]
     idle = any(nodes.input_number(leaf, layer) == 0.0 for layer in layers)
     if idle or socket.name.startswith("Emission"):
-        value = socket.default_value
-        return constant(value if isinstance(value, int | float) else tuple(value)[:3])
+        return default(socket)
     if not linked and socket.name in {"Normal", "Coat Normal"}:
         return _SHADING_NORMAL
     if not linked and socket.name == "Tangent":

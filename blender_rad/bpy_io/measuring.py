@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .expressions import NUMBERS
-from .questions import Asking, Questions
+from .questions import Asking
 from .witness import CyclesWitness
 
 FINEST = 4  # points along a pixel
@@ -27,10 +27,10 @@ MOST = 1 << 23  # points in all slots together, as long as each pixel has one
 
 
 def measure(
-    bl_scene: Any, questions: Questions, resolution: tuple[int, int]
+    bl_scene: Any, questions: list[Asking], resolution: tuple[int, int]
 ) -> NDArray[np.float32] | None:
     """Return `Scene.measured`, None where nothing is asked. What is changed for it is put back."""
-    asked = [asking for asking in questions.materials if asking.slots]
+    asked = [asking for asking in questions if asking.slots]
     count = max((len(asking.slots) for asking in asked), default=0)
     if not count:
         return None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..scene import Mesh
 from ..textures import COLOUR, GENERATED, UV
-from .arrays import booleans, floats, integers
+from .arrays import gathered
 
 _INTERNAL = {"position", "material_index", "sharp_face"}
 _ATTRIBUTES = {
@@ -33,21 +33,23 @@ def read_mesh(bl_mesh: Any, *, modified: bool = False) -> tuple[Mesh, int]:
     meshes are those of their vertices before they moved.
     """
     bl_mesh.calc_loop_triangles()
-    corners = integers(bl_mesh.loop_triangles, "loops", 3)
-    faces = integers(bl_mesh.loop_triangle_polygons, "value")
-    vertices = floats(bl_mesh.vertices, "co", 3)
-    triangles = integers(bl_mesh.loops, "vertex_index")[corners]
+    corners = gathered(bl_mesh.loop_triangles, "loops", np.int32, 3)
+    faces = gathered(bl_mesh.loop_triangle_polygons, "value", np.int32)
+    vertices = gathered(bl_mesh.vertices, "co", np.float32, 3)
+    triangles = gathered(bl_mesh.loops, "vertex_index", np.int32)[corners]
     finite = np.isfinite(vertices).all(axis=1)
     keep = finite[triangles].all(axis=1)
-    if not keep.all():
-        vertices = np.where(finite[:, None], vertices, np.float32(0))
+    vertices[~finite] = 0.0
     triangles, corners, faces = triangles[keep], corners[keep], faces[keep]
-    smooth = _smooth(bl_mesh)[faces]
-    slots = _face_values(bl_mesh, "material_index", np.int32)
+    sharp = _attribute(bl_mesh, "sharp_face", "FACE", np.bool_)
+    if sharp is None:
+        sharp = np.full(len(bl_mesh.polygons), bl_mesh.normals_domain == "FACE")
+    smooth = ~sharp[faces]
+    slots = _attribute(bl_mesh, "material_index", "FACE", np.int32)
     attributes = _attributes(bl_mesh, triangles, corners, faces)
     centre, size = np.array(bl_mesh.texspace_location), np.array(bl_mesh.texspace_size)
     if modified:
-        before = floats(bl_mesh.vertices, "undeformed_co", 3)
+        before = gathered(bl_mesh.vertices, "undeformed_co", np.float32, 3)
         place = 0.5 + 0.5 * (before - centre) / np.where(size == 0.0, 1.0, size)
         attributes[GENERATED] = place.astype(np.float32)[triangles]
     mesh = Mesh(
@@ -72,13 +74,12 @@ def box_mesh(name: str, low: NDArray[np.float64], high: NDArray[np.float64]) -> 
     return Mesh(name, vertices, triangles, None, np.zeros(count, bool), np.zeros(count, np.int32))
 
 
-def _face_values(bl_mesh: Any, name: str, dtype: type) -> NDArray[Any] | None:
-    """Return an attribute of the faces, None where the mesh does not have it."""
-    attribute = bl_mesh.attributes.get(name)
-    if attribute is None or attribute.domain != "FACE":
+def _attribute(bl_mesh: Any, name: str, domain: str, dtype: type) -> NDArray[Any] | None:
+    """Return an attribute's values, None where the mesh does not have it."""
+    found = bl_mesh.attributes.get(name)
+    if found is None or found.domain != domain:
         return None
-    read = booleans if dtype is np.bool_ else integers
-    return read(attribute.data, "value")
+    return gathered(found.data, "value", dtype)
 
 
 def _attributes(
@@ -93,7 +94,8 @@ def _attributes(
     for attribute in bl_mesh.attributes:
         if attribute.domain in places and attribute.data_type in _ATTRIBUTES:
             if attribute.name not in _INTERNAL and not attribute.name.startswith("."):
-                values = floats(attribute.data, *_ATTRIBUTES[attribute.data_type])
+                key, width = _ATTRIBUTES[attribute.data_type]
+                values = gathered(attribute.data, key, np.float32, width)
                 found[attribute.name] = values[places[attribute.domain]]
     for layer in bl_mesh.uv_layers:
         if layer.active_render:
@@ -102,14 +104,6 @@ def _attributes(
     if colours.render_color_index >= 0:
         found[COLOUR] = found[colours[colours.render_color_index].name]
     return found
-
-
-def _smooth(bl_mesh: Any) -> NDArray[np.bool_]:
-    """Return whether each face is shaded smooth, (faces,)."""
-    sharp = _face_values(bl_mesh, "sharp_face", np.bool_)
-    if sharp is not None:
-        return ~sharp
-    return np.full(len(bl_mesh.polygons), bl_mesh.normals_domain != "FACE")
 
 
 def _by_corner(bl_mesh: Any) -> bool:
@@ -122,9 +116,8 @@ def _by_corner(bl_mesh: Any) -> bool:
         return True
     if bpy.app.version >= (5, 0):
         return bl_mesh.normals_domain == "CORNER"
-    edges = bl_mesh.attributes.get("sharp_edge")
-    sharp = edges is not None and bool(booleans(edges.data, "value").any())
-    return sharp and bl_mesh.normals_domain == "CORNER"
+    sharp = _attribute(bl_mesh, "sharp_edge", "EDGE", np.bool_)
+    return sharp is not None and bool(sharp.any()) and bl_mesh.normals_domain == "CORNER"
 
 
 def _normals(
@@ -138,9 +131,9 @@ def _normals(
     if not smooth.any():
         return None
     if _by_corner(bl_mesh):
-        normals = floats(bl_mesh.corner_normals, "vector", 3)[corners]
+        normals = gathered(bl_mesh.corner_normals, "vector", np.float32, 3)[corners]
     else:
-        normals = floats(bl_mesh.vertex_normals, "vector", 3)[triangles]
+        normals = gathered(bl_mesh.vertex_normals, "vector", np.float32, 3)[triangles]
     flat = ~smooth
     if flat.any():
         a, b, c = np.moveaxis(vertices[triangles[flat]].astype(np.float64), 1, 0)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Any
 
 import bpy
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RadError, unknown_name
-from .arrays import floats, matrix
+from .arrays import gathered, matrix
 
 Floats = NDArray[np.float64]
 MARK = "meter"  # how an empty's name begins, or a custom property of any object
@@ -40,7 +41,7 @@ def rectangle(bl_scene: Any, name: str) -> tuple[Floats, Floats]:
     found = _find(bl_scene, name, "grid", 'MESH')
     if found.type != "MESH" or not len(found.data.vertices):
         raise RadError("not a rectangle", f"--grid {name}", "expected a mesh with vertices")
-    points = floats(found.data.vertices, "co", 3).astype(np.float64)
+    points = gathered(found.data.vertices, "co", np.float32, 3).astype(np.float64)
     (x0, y0, _), (x1, y1, z) = points.min(axis=0), points.max(axis=0)
     world = _worlds(bl_scene, [found])[0]
     edges = np.array([(x0, y0, z, 1), (x1 - x0, 0, 0, 0), (0, y1 - y0, 0, 0)])
@@ -49,12 +50,11 @@ def rectangle(bl_scene: Any, name: str) -> tuple[Floats, Floats]:
 
 def _find(bl_scene: Any, name: str, kind: str, bl_type: str) -> Any:
     """Return an object by name; where it is unknown, name the likely ones."""
-    for found in bl_scene.objects:
-        if found.name == name:
-            return found
-    likely = [o.name for o in bl_scene.objects if o.type == bl_type or MARK in o]
-    names = likely or [o.name for o in bl_scene.objects]
-    raise unknown_name(kind, name, f"scene {bl_scene.name!r}", names)
+    known = {o.name: o for o in bl_scene.objects}
+    if name not in known:
+        likely = [o.name for o in known.values() if o.type == bl_type or MARK in o]
+        raise unknown_name(kind, name, f"scene {bl_scene.name!r}", likely or list(known))
+    return known[name]
 
 
 def _axis(world: Floats, bl_object: Any) -> Floats:
@@ -71,16 +71,14 @@ def _worlds(bl_scene: Any, objects: list[Any]) -> Floats:
     are stale. So each is followed by a probe that copies its place, and these are asked.
     """
     probes: list[Any] = []
-    try:
+    with ExitStack() as undo:
         for target in objects:
             probe: Any = bpy.data.objects.new("probe", None)
+            undo.callback(bpy.data.objects.remove, probe)
             probes.append(probe)
             bl_scene.collection.objects.link(probe)
             probe.constraints.new("COPY_TRANSFORMS").target = target
         layer = bl_scene.view_layers[0]
         layer.update()
         found = [matrix(probe.evaluated_get(layer.depsgraph).matrix_world) for probe in probes]
-    finally:
-        for probe in probes:
-            bpy.data.objects.remove(probe)
     return np.array(found).reshape(-1, 4, 4)

@@ -14,8 +14,8 @@ import bpy
 
 from ..errors import Finding, RadError, unknown_name
 from ..quantities import GLTF_LM_W
-from .interrupt import interrupt_later
-from .quiet import quiet_stdout, told
+from ..working_space import WORKING_SPACES
+from .quiet import interrupt_later, quiet_stdout, told
 
 GLTF = {".glb", ".gltf"}
 SOURCE_KEY = "source_file"  # on imported scenes, which have no .blend
@@ -115,6 +115,16 @@ def _choose(kind: str, name: str | None, known: Any, where: str) -> Any | None:
 
 def _cameras(bl_scene: Any) -> list[Any]:
     return [bl_object for bl_object in bl_scene.objects if bl_object.type == "CAMERA"]
+
+
+def working_space() -> str:
+    """Return the name of the open file's working space; Rec.709 before Blender 5."""
+    colours = getattr(bpy.data, "colorspace", None)
+    name = colours.working_space if colours else "Linear Rec.709"
+    if name not in WORKING_SPACES:
+        known = ", ".join(WORKING_SPACES)
+        raise RadError(f"unknown working space {name!r}", bpy.data.filepath, f"expected {known}")
+    return name
 
 
 def file_findings() -> list[Finding]:

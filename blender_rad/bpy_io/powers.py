@@ -14,9 +14,8 @@ from ..emitters import WORLD_NAME, emitters
 from ..errors import RadError
 from ..scene import Scene
 from . import nodes
-from .interrupt import interrupt_later
 from .materials import surface_of
-from .quiet import quiet_stdout
+from .quiet import interrupt_later, quiet_stdout
 from .read import read_scene
 
 KEPT = 1e-5  # relative: what a light may be off by after it was set, by rounding
@@ -33,17 +32,20 @@ def scale_power(bl_scene: Any, name: str, factor: float) -> float:
         Where that cannot be set here: linked data, or strengths inside node groups.
     """
     local: Any = (o for o in bpy.data.objects if o.name == name and not o.library)
-    bl_object = next(local, None)
-    if bl_object is None and name == WORLD_NAME:
-        return _scale_world(bl_scene, factor)
+    bl_object, world = next(local, None), bl_scene.world
     if bl_object and bl_object.type != "LIGHT":
         return _scale_mesh(bl_object, factor)
-    if bl_object is None or bl_object.data.library:
-        raise _linked(name)
-    if bl_object.data.users > 1:
-        bl_object.data = bl_object.data.copy()
-    bl_object.data.energy *= factor
-    return float(bl_object.data.energy)
+    if bl_object and not bl_object.data.library:
+        if bl_object.data.users > 1:
+            bl_object.data = bl_object.data.copy()
+        bl_object.data.energy *= factor
+        return float(bl_object.data.energy)
+    if bl_object or name != WORLD_NAME or world is None or world.library:
+        known = "expected data of this file: make it local, or solve in the file that it is from"
+        raise RadError("linked data cannot be changed", f"light {name!r}", known)
+    if world.users > 1:
+        world = bl_scene.world = world.copy()
+    return scale_emission(world, factor)
 
 
 def check_powers(bl_scene: Any, before: Scene, factors: dict[str, float]) -> None:
@@ -71,22 +73,8 @@ def _emission(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _linked(name: str) -> RadError:
-    expected = "expected data of this file: make it local, or solve in the file that it is from"
-    return RadError("linked data cannot be changed", f"light {name!r}", expected)
-
-
 def _fixed(where: str, expected: str) -> RadError:
     return RadError("its power cannot be set", where, f"expected {expected}")
-
-
-def _scale_world(bl_scene: Any, factor: float) -> float:
-    world = bl_scene.world
-    if world is None or world.library:
-        raise _linked(WORLD_NAME)
-    if world.users > 1:
-        world = bl_scene.world = world.copy()
-    return scale_emission(world, factor)
 
 
 def _scale_mesh(bl_object: Any, factor: float) -> float:
@@ -119,13 +107,13 @@ def scale_emission(block: Any, factor: float, start: float = 0.0) -> float:
     found = {leaf.node.as_pointer(): leaf for leaf in nodes.leaves(output.inputs["Surface"])}
     strengths: list[float] = []
     for leaf in found.values():
-        names = [n for n in ("Strength", "Emission Strength") if n in leaf.node.inputs]
-        value = (nodes.input_number(leaf, names[0]) or start) if names else None
+        inputs = leaf.node.inputs
+        socket = inputs.get("Emission Strength") or inputs.get("Strength")
+        value = socket and (nodes.number(socket, leaf.groups) or start)
         if not value:
             continue
         if leaf.groups:
             raise _fixed(repr(block.name), "its emission outside node groups: ungroup it")
-        socket = leaf.node.inputs[names[0]]
         for link in list(socket.links):
             tree.links.remove(link)
         socket.default_value = value * factor

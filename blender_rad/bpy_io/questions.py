@@ -15,17 +15,11 @@ NORMAL: Place = ((), "", "Normal")  # the shading normal, as displacement bends 
 
 @dataclass
 class Asking:
-    """What is asked of one material.
+    """What is asked of one material, by calls with a socket."""
 
-    Attributes
-    ----------
-    slots : by place.
-    names : of the sockets, for people.
-    """
-
-    bl_material: Any
+    bl_material: Any  # not evaluated
     slots: dict[Place, int] = field(default_factory=dict[Place, int])
-    names: list[str] = field(default_factory=list[str])
+    names: list[str] = field(default_factory=list[str])  # of the sockets, for people
 
     def __call__(self, socket: Any, groups: Groups) -> Expression | None:
         """Return what stands for the value that a socket gets, None where there is not one."""
@@ -46,18 +40,6 @@ class Asking:
             self.slots[place] = len(self.slots)
             self.names.append(name)
         return Expression("MEASURED", settings={"slot": self.slots[place], "width": width})
-
-
-@dataclass
-class Questions:
-    """What is asked of all materials of a scene."""
-
-    materials: list[Asking] = field(default_factory=list[Asking])
-
-    def about(self, bl_material: Any) -> Asking:
-        """Return what gathers the questions about a material, evaluated or not."""
-        self.materials.append(Asking(bl_material.original))
-        return self.materials[-1]
 
 
 def _by_chance(found: tuple[Any, Groups]) -> bool:

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's own chatter kept off our standard output."""
+"""Blender at work: its chatter kept off our standard output, and Ctrl-C off it."""
 
 from __future__ import annotations
 
 import logging
 import os
+import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 
@@ -58,3 +60,24 @@ def silence_exit() -> None:
 def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
+
+
+@contextmanager
+def interrupt_later() -> Generator[None]:
+    """Keep Ctrl-C until the work is done; `KeyboardInterrupt` then, where it was pressed.
+
+    Blender's own Python would swallow it, or be left half done. Not on other threads than the main
+    one, nor where Ctrl-C is not Python's: in a real Blender.
+    """
+    ours = signal.getsignal(signal.SIGINT) is not None
+    if not ours or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pressed: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt

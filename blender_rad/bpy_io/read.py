@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..errors import Finding, RadError
+from ..errors import Finding
 from ..lights import Model, SkyMap
 from ..scene import Scene
 from ..working_space import WORKING_SPACES, luminance_weights
@@ -20,8 +20,8 @@ from .cameras import read_camera
 from .instances import Reader
 from .materials import Shading
 from .measuring import measure
-from .open import SOURCE_KEY, file_findings
-from .questions import Questions
+from .open import SOURCE_KEY, file_findings, working_space
+from .questions import Asking
 from .session import in_render
 from .world import read_maps, read_world, shown_world
 
@@ -42,7 +42,7 @@ def read_scene(
     layer = next((layer for layer in bl_scene.view_layers if layer.use), bl_scene.view_layers[0])
     maps = read_maps(bl_scene, layer) if maps is None else maps
     camera = bl_scene.camera
-    questions = Questions() if ask and camera and not camera.data.dof.use_dof else None
+    questions: list[Asking] | None = [] if ask and camera and not camera.data.dof.use_dof else None
     read = partial(read_depsgraph, maps=maps, questions=questions, **options)
     scene = in_render(bl_scene, layer.name, read)
     if questions is None:
@@ -57,7 +57,7 @@ def read_depsgraph(
     model: Model = "cycles",
     resolution: tuple[int, int] | None = None,
     maps: tuple[SkyMap, ...] = (),
-    questions: Questions | None = None,
+    questions: list[Asking] | None = None,
     live: bool = False,
 ) -> Scene:
     """Return the scene of a render depsgraph, such as a render engine is given.
@@ -71,20 +71,21 @@ def read_depsgraph(
     questions : gathers what Blender is to be asked after it.
     live : of a viewport, which needs nothing of the files on the disk.
     """
-    bl_scene = depsgraph.scene
-    render = bl_scene.render
-    layer = depsgraph.view_layer
-    unit_scale_m = unit_scale(bl_scene)
-    reader = Reader(depsgraph, shading, model, unit_scale_m, questions)
+    bl_scene, render = depsgraph.scene, depsgraph.scene.render
+    reader = Reader(depsgraph, shading, model, unit_scale(bl_scene), questions)
     reader.read()
     size = resolution or frame_size(render)
     camera = bl_scene.camera and read_camera(bl_scene.camera, render, size)
-    world = read_world(shown_world(bl_scene, layer), maps)
+    world = read_world(shown_world(bl_scene, depsgraph.view_layer), maps)
     file = bpy.data.filepath or bl_scene.original.get(SOURCE_KEY, "")
     space = working_space()
+    findings = [] if live else file_findings()
+    if render.use_motion_blur:
+        still = "motion blur is on; the scene is read at rest"
+        findings.append(Finding("motion-blur", "info", "", still))
     return Scene(
         file=file,
-        sha256="" if live else _sha256(file),
+        sha256="" if live or not file else _sha256(file),
         frame=bl_scene.frame_current,
         meshes=tuple(reader.meshes),
         instances=tuple(reader.instances),
@@ -95,7 +96,7 @@ def read_depsgraph(
         resolution=size,
         border=_border(render, size),
         film_transparent=render.film_transparent,
-        unit_scale_m=unit_scale_m,
+        unit_scale_m=reader.unit_scale_m,
         model=model,
         shading=shading,
         working_space=space,
@@ -112,7 +113,7 @@ def read_depsgraph(
             *world.unsupported,
             *(camera.unsupported if camera else ()),
         ),
-        findings=(*(() if live else file_findings()), *_motion_blur(render), *reader.findings),
+        findings=(*findings, *reader.findings),
     )
 
 
@@ -131,16 +132,6 @@ def frame_size(render: Any) -> tuple[int, int]:
     return width, height
 
 
-def working_space() -> str:
-    """Return the name of the open file's working space; Rec.709 before Blender 5."""
-    colours = getattr(bpy.data, "colorspace", None)
-    name = colours.working_space if colours else "Linear Rec.709"
-    if name not in WORKING_SPACES:
-        known = ", ".join(WORKING_SPACES)
-        raise RadError(f"unknown working space {name!r}", bpy.data.filepath, f"expected {known}")
-    return name
-
-
 def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
     """Return the render border in pixels, cut in single precision as Blender does."""
     if not render.use_border:
@@ -150,15 +141,6 @@ def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | N
     return (int(x0), int(y0), int(x1), int(y1))
 
 
-def _motion_blur(render: Any) -> list[Finding]:
-    if not render.use_motion_blur:
-        return []
-    return [Finding("motion-blur", "info", "", "motion blur is on; the scene is read at rest")]
-
-
 def _sha256(file: str) -> str:
-    """Return the checksum of `file`, empty for a scene that is not saved."""
-    if not file:
-        return ""
     with Path(bpy.path.abspath(file)).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

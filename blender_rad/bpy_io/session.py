@@ -7,8 +7,8 @@ Blender hands to a render engine holds them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any, TypeVar
 
 import bpy
@@ -42,27 +42,15 @@ def in_render(bl_scene: Any, layer: str, work: Callable[[Any], T]) -> T:
             except BaseException as error:  # Blender would swallow it
                 errors.append(error)
 
-    bpy.utils.register_class(Reader)
-    try:
-        with _settings(bl_scene), quiet_stdout():
+    with ExitStack() as undo:
+        bpy.utils.register_class(Reader)
+        undo.callback(bpy.utils.unregister_class, Reader)
+        undo.callback(setattr, bl_scene, "camera", bl_scene.camera)  # rendering may choose one
+        for name, value in _SETTINGS.items():
+            undo.callback(setattr, bl_scene.render, name, getattr(bl_scene.render, name))
+            setattr(bl_scene.render, name, value)
+        with quiet_stdout():
             bpy.ops.render.render(scene=bl_scene.name, layer=layer)
-    finally:
-        bpy.utils.unregister_class(Reader)
     if errors:
         raise errors[0]
     return results[0]
-
-
-@contextmanager
-def _settings(bl_scene: Any) -> Generator[None]:
-    """Set what the private render needs, and put it back; rendering may choose a camera."""
-    render, camera = bl_scene.render, bl_scene.camera
-    before = {name: getattr(render, name) for name in _SETTINGS}
-    try:
-        for name, value in _SETTINGS.items():
-            setattr(render, name, value)
-        yield
-    finally:
-        for name, value in before.items():
-            setattr(render, name, value)
-        bl_scene.camera = camera

@@ -44,11 +44,9 @@ def render_settings(bl_scene: Any) -> dict[str, Any]:
 
 
 def _compositing(bl_scene: Any) -> str:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        if hasattr(bl_scene, "compositing_node_group"):  # from Blender 5
-            tree = bl_scene.compositing_node_group
-        else:
-            tree = bl_scene.node_tree if bl_scene.use_nodes else None
+    if hasattr(bl_scene, "compositing_node_group"):  # from Blender 5
+        tree = bl_scene.compositing_node_group
+    else:
+        tree = bl_scene.node_tree if bl_scene.use_nodes else None
     nodes = (n for n in (tree.nodes if tree else ()) if not n.mute)
     return ", ".join(sorted({n.bl_label for n in nodes if n.bl_idname not in _PLUMBING}))

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from ..errors import RadError
 from ..exr import read_planes
 from .clay import make_clay
-from .interrupt import interrupt_later
 from .materials import Shading
-from .quiet import quiet_stdout, told
+from .quiet import interrupt_later, quiet_stdout, told
 
 WitnessSettings = Literal["reference", "file"]
 Progress = Callable[[float], None]
@@ -92,28 +91,19 @@ BIASING = {
 class CyclesWitness:
     """Cycles' picture of the scene that is open, seed by seed.
 
-    The open scene is the scratch copy: it is changed and never saved.
-
-    Attributes
-    ----------
-    bl_scene : bpy.types.Scene, opened without scripts. Its first view layer in use renders.
-    resolution : (width, height) in pixels; None keeps the file's.
-    shading : ``clay`` makes all that reflects Lambert 0.8.
-    settings : ``reference`` for unbiased direct light, ``file`` to keep the file's sampling,
-        bounces, clamps, denoiser, filter and film.
-    threads : number of threads; None leaves it to Blender.
-    overridden : setting to (the file's value, the value used), for the report.
-    kept : setting to (the file's value, the unbiased one), where the file's own are asked for.
+    The open scene is the scratch copy: it is changed and never saved. With settings ``file`` it
+    keeps its sampling, bounces, clamps, denoiser, filter and film; ``reference`` is direct light
+    without bias. Settings are told as (the file's value, the one used or unbiased) by their path.
     """
 
-    bl_scene: Any
+    bl_scene: Any  # opened without scripts; its first view layer in use renders
     _: KW_ONLY
-    resolution: tuple[int, int] | None = None
+    resolution: tuple[int, int] | None = None  # (width, height) in pixels; None is the file's
     shading: Shading = "full"
     settings: WitnessSettings = "reference"
-    threads: int | None = None
-    overridden: dict[str, tuple[Any, Any]] = field(default_factory=dict)
-    kept: dict[str, tuple[Any, Any]] = field(default_factory=dict)
+    threads: int | None = None  # None leaves it to Blender
+    overridden: dict[str, tuple[Any, Any]] = field(default_factory=dict)  # what `prepare` changed
+    kept: dict[str, tuple[Any, Any]] = field(default_factory=dict)  # what is not unbiased
 
     def prepare(self) -> None:
         """Make all settings explicit, and the materials clay where that is asked for."""
@@ -123,15 +113,19 @@ class CyclesWitness:
         else:
             self.kept = dict(self._differing(_REFERENCE))
         if self.resolution is not None:
-            width, height = self.resolution
-            size = {"x": width, "y": height, "percentage": 100}
-            wanted |= {f"render.resolution_{name}": value for name, value in size.items()}
+            for name, value in zip(("x", "y", "percentage"), (*self.resolution, 100), strict=True):
+                wanted[f"render.resolution_{name}"] = value
         if self.threads is not None:
             wanted |= {"render.threads_mode": "FIXED", "render.threads": self.threads}
         for setting, (before, value) in self._differing(wanted):
             self._set(setting, value)
             self.overridden[setting] = (before, value)
-        self._only_one_layer()
+        layers = self.bl_scene.view_layers
+        shown = next((layer for layer in layers if layer.use), layers[0])
+        for layer in layers:
+            if layer.use != (layer == shown):
+                self.overridden[f"view_layers[{layer.name!r}].use"] = (layer.use, not layer.use)
+                layer.use = not layer.use
         if self.shading == "clay":
             make_clay()
 
@@ -166,14 +160,6 @@ class CyclesWitness:
             owner = self.bl_scene.path_resolve(path)
             if name in owner.bl_rna.properties and getattr(owner, name) != value:
                 yield setting, (getattr(owner, name), value)
-
-    def _only_one_layer(self) -> None:
-        layers = self.bl_scene.view_layers
-        shown = next((layer for layer in layers if layer.use), layers[0])
-        for layer in layers:
-            if layer.use != (layer == shown):
-                self.overridden[f"view_layers[{layer.name!r}].use"] = (layer.use, not layer.use)
-                layer.use = not layer.use
 
     def render(
         self, seed: int, samples: int, progress: Progress | None = None

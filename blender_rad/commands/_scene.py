@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Options that verbs share: of all that read a scene, and of those that make a picture of it."""
+"""What verbs share that read a scene, that make a picture of it, or read lux meters in it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ..errors import Finding
 from . import _values as values
 from ._base import Command, option
 
 if TYPE_CHECKING:
+    from ..meters import LuxMeter
     from ..scene import Scene
 
 NAMED = f"{', '.join(values.EFFICACIES_LM_W)}, or a number"
@@ -93,3 +95,25 @@ class PictureCommand(EngineCommand):
     ) -> tuple[Any, Scene]:
         own = {"shading": self.shading, "resolution": self.resolution, "ask": True}
         return super().read(frame, need_camera=need_camera, **own, **options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeterCommand(EngineCommand):
+    """A verb that reads lux meters."""
+
+    error: float = option(values.number(0), "target relative standard error", default=0.001)
+
+    def lux_meter(self) -> tuple[Any, LuxMeter]:
+        """Open the file; return its bpy.types.Scene and a meter for it."""
+        from ..meters import LuxMeter
+
+        bl_scene, scene = self.read(self.frame)
+        efficacy, error, threads = self.efficacy, self.error, self.threads
+        return bl_scene, LuxMeter(scene, efficacy=efficacy, error=error, threads=threads)
+
+    @staticmethod
+    def scene_findings(meter: LuxMeter) -> list[Finding]:
+        """Return what is to be known of the meter's scene."""
+        message = "no light in the scene: all meters read 0"
+        nothing = [] if meter.names else [Finding("nothing-emits", "warning", "", message)]
+        return [*meter.scene.findings, *nothing]

@@ -36,14 +36,15 @@ class Value:
     def __call__(self, value: Any) -> Any:
         try:
             result = self.convert(value)
-        except (ValueError, TypeError, OverflowError):
-            raise ValueError(self.expected) from None
-        if not self.allowed(result):
-            raise ValueError(self.expected)
-        return result
+            if self.allowed(result):
+                return result
+        except (ValueError, TypeError, ArithmeticError):
+            pass
+        raise ValueError(self.expected)
 
 
-def _split(value: Any, mark: str = ",") -> list[Any]:
+def split(value: Any, mark: str = ",") -> list[Any]:
+    """Return the parts of a text between marks, or what a list of Python's holds."""
     return re.split(mark, value, flags=re.IGNORECASE) if isinstance(value, str) else list(value)
 
 
@@ -61,7 +62,7 @@ def names(*known: str) -> Parse:
     return Value(
         "A,B",
         expected,
-        lambda value: tuple(dict.fromkeys(str(entry).strip() for entry in _split(value))),
+        lambda value: tuple(dict.fromkeys(str(entry).strip() for entry in split(value))),
         lambda entries: entries and all(entries) and not (known and set(entries) - set(known)),
     )
 
@@ -94,7 +95,7 @@ def vector(length: int) -> Parse:
     return Value(
         ",".join("XYZ"[:length]),
         f"{length} numbers with commas between them",
-        lambda value: tuple(map(float, _split(value))),
+        lambda value: tuple(map(float, split(value))),
         lambda result: len(result) == length and all(map(math.isfinite, result)),
     )
 
@@ -103,7 +104,7 @@ def vector(length: int) -> Parse:
 resolution = Value(
     "WxH",
     f"WIDTHxHEIGHT in pixels, each 1 to {RESOLUTION_LIMIT}",
-    lambda value: tuple(map(integer(1, RESOLUTION_LIMIT), _split(value, "x"))),
+    lambda value: tuple(map(integer(1, RESOLUTION_LIMIT), split(value, "x"))),
     lambda size: len(size) == 2,
 )
 

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ..atomic import atomic_path
+from ..atomic import write_text
 from ..errors import Finding, RadError
 from ..strict_json import dumps, plain
 from . import _values as values
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ..checking import Check, Result
     from ..scene import Scene
 
-SCHEMA = 1
 TAKEN_BACK_SEEDS = 3
 CODES = {"agree": 0, "undecided": 3, "differ": 1}  # exit codes, from the best to the worst
 
@@ -81,18 +80,18 @@ class CheckOptions(PictureCommand, verb="check"):
             listed = ", ".join(sorted(unknown))
             raise RadError(f"no such witness yet: {listed}", "--against", "expected cycles")
         if self.frames is None:
-            return _outcome(self._one(self.frame, self.report))
-        first, last = self.frames
-        documents = [self._one(frame, self._folder(frame)) for frame in range(first, last + 1)]
-        verdict = worst(document["verdict"] for document in documents)
-        whole = {"schema": SCHEMA, "verdict": verdict, "frames": documents}
+            document = self._one(self.frame, self.report)
+            return Outcome(document, _table(document), CODES[document["verdict"]])
+        documents: list[dict[str, Any]] = []
+        for frame in range(self.frames[0], self.frames[1] + 1):
+            folder = self.report and self.report / f"frame_{frame:04d}"
+            documents.append(self._one(frame, folder))
+        verdict = max((d["verdict"] for d in documents), key=list(CODES).index)
+        whole = {"schema": documents[0]["schema"], "verdict": verdict, "frames": documents}
         if self.report:
-            _write_text(self.report / "report.json", dumps(whole))
+            write_text(self.report / "report.json", dumps(whole))
         text = "\n".join(f"frame {d['scene']['frame']}: {d['verdict']}" for d in documents)
         return Outcome(whole, text, CODES[verdict])
-
-    def _folder(self, frame: int) -> Path | None:
-        return self.report and self.report / f"frame_{frame:04d}"
 
     def _one(self, frame: int | None, folder: Path | None) -> dict[str, Any]:
         """Compare one frame, write its report, and return its document."""
@@ -148,17 +147,15 @@ class CheckOptions(PictureCommand, verb="check"):
         """Return the witness, None where its pictures existed, and the comparison with it."""
         import numpy as np
 
-        if pictures:
-            return None, check.against_pictures(np.stack(pictures))
         from ..bpy_io.witness import CyclesWitness
 
-        resolution = self.resolution
+        if pictures:
+            return None, check.against_pictures(np.stack(pictures))
         if self.witness_scene is not None:
             bl_scene = self.open(self.witness_scene, scene.frame, need_camera=True)
-            resolution = scene.resolution
         witness = CyclesWitness(
             bl_scene,
-            resolution=resolution,
+            resolution=scene.resolution if self.witness_scene else self.resolution,
             shading=self.shading,
             settings=self.witness_settings,
             threads=self.threads,
@@ -199,7 +196,7 @@ class CheckOptions(PictureCommand, verb="check"):
     def _write(self, folder: Path, document: dict[str, Any], scene: Scene, result: Result) -> None:
         """Write the five files; `report.json` last, so that where it is, all are."""
         from ..exr import PASSES, film_channels, film_header, write_exr
-        from ..report import ReportData, write_report
+        from ..report import ReportData, render_report
         from ..report.difference import difference
 
         started = time.perf_counter()
@@ -223,27 +220,13 @@ class CheckOptions(PictureCommand, verb="check"):
         relative, _ = difference(data, self.tolerance)
         pixels = _rgb(result.witness - film.radiance) | {"Relative.V": relative}
         write_exr(folder / "difference.exr", pixels, header)
-        write_report(folder / "report.html", data)
+        write_text(folder / "report.html", render_report(data))
         document["seconds"]["report"] = time.perf_counter() - started
-        _write_text(folder / "report.json", dumps(document))
-
-
-def worst(verdicts: Iterable[str]) -> str:
-    """Return the verdict that counts for several comparisons."""
-    return max(verdicts, key=list(CODES).index)
+        write_text(folder / "report.json", dumps(document))
 
 
 def _rgb(image: Any) -> dict[str, Any]:
     return {letter: image[..., k] for k, letter in enumerate("RGB")}
-
-
-def _write_text(path: Path, text: str) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def _outcome(document: dict[str, Any]) -> Outcome:
-    return Outcome(document, _table(document), CODES[document["verdict"]])
 
 
 def _table(document: dict[str, Any]) -> str:
@@ -255,7 +238,7 @@ def _table(document: dict[str, Any]) -> str:
         share = f"{100 * light['energy_fraction']:4.1f} %"
         verdict = " ".join(filter(None, [light["verdict"], light["diagnosis"]]))
         rows.append([light["name"], light["type"], share, known, verdict])
-    fraction = document["coverage"]["supported_pixel_fraction"]
-    lines = ["", *aligned(rows, left=5), "", f"{100 * fraction:.1f} % of the picture is compared"]
+    compared = f"{100 * document['coverage']['supported_pixel_fraction']:.1f} % of the picture"
     findings = (str(Finding(**finding)) for finding in document["findings"])
-    return "\n".join([document["verdict"], *lines, *findings])
+    lines = [document["verdict"], "", *aligned(rows, left=5), "", f"{compared} is compared"]
+    return "\n".join([*lines, *findings])

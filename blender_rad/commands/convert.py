@@ -20,22 +20,21 @@ SHAPE = ("distance", "area", "radius", "cone", "blend", "spread", "angle", "dura
 ANGLES = {"cone", "spread", "angle"}
 
 
-def amount(value: Any) -> tuple[float, str | None]:
+def _amount(value: Any) -> tuple[float, str | None]:
     """Return a number and, where it has one of its own, its unit."""
-    exposure = EXPOSURE.fullmatch(str(value))
-    try:
-        if exposure:
-            return ev100(*(float(Fraction(part)) for part in exposure.groups())), "EV100"
-        return PRESETS[value] if value in PRESETS else (values.number()(value), None)
-    except (ValueError, ArithmeticError):
-        raise ValueError(AMOUNT) from None
+    if exposure := EXPOSURE.fullmatch(str(value)):
+        return ev100(*(float(Fraction(part)) for part in exposure.groups())), "EV100"
+    return PRESETS[value] if value in PRESETS else (values.number()(value), None)
+
+
+amount = values.Value("VALUE", AMOUNT, _amount)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertOptions(Command, verb="convert"):
     """Convert light from unit to unit, through the emitter's shape and its spectrum."""
 
-    value: tuple[float, str | None] = option(amount, AMOUNT, metavar="VALUE", positional=True)
+    value: tuple[float, str | None] = option(amount, AMOUNT, positional=True)
     unit: str = option(values.text, f"one of {' '.join(UNITS)}", metavar="UNIT", positional=True)
     to: str = option(values.text, "the unit wanted", metavar="UNIT", required=True)
     emitter: str | None = option(values.text, "point, sphere, spot, area, mesh, sun or sky")

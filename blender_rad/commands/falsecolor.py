@@ -5,22 +5,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from . import _values as values
 from ._base import Command, Outcome, option
 from ._scene import NAMED
 
-
-def isolines(value: Any) -> tuple[float, ...] | Literal["auto"]:
-    """Return ``auto``, or the numbers above 0 that have commas between them."""
-    if value == "auto":
-        return "auto"
-    entries = value.split(",") if isinstance(value, str) else list(value)
-    try:
-        return tuple(sorted({values.number(0)(entry) for entry in entries}))
-    except ValueError:
-        raise ValueError("auto, or numbers above 0 with commas between them") from None
+isolines = values.Value(
+    "X,Y,…|auto",
+    "auto, or numbers above 0 with commas between them",
+    lambda value: (
+        value if value == "auto" else tuple(sorted(set(map(values.number(0), values.split(value)))))
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +40,7 @@ class FalsecolorOptions(Command, verb="falsecolor"):
     min: float | None = option(values.number(), "lower end of the legend (default: a round one)")
     max: float | None = option(values.number(), "upper end of the legend (default: a round one)")
     isolines: tuple[float, ...] | Literal["auto"] = option(
-        isolines, "labelled lines at these values, or auto", default=(), metavar="X,Y,…|auto"
+        isolines, "labelled lines at these values, or auto", default=()
     )
     exposure: float = option(values.number(0), "film exposure of the render", default=1.0)
     efficacy: float | None = option(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..errors import Finding, RadError
 from . import _values as values
 from ._base import Outcome, aligned, option
-from ._meters import MeterCommand
+from ._scene import MeterCommand
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,10 +39,8 @@ class MeasureOptions(MeterCommand, verb="measure"):
     """Read lux meters, grids of them, or luminance meters, with the share of each light.
 
     Without a place, all meters that the file marks are read: empties whose names begin with
-    "Meter", and objects with a custom property "meter". They look along their local +Z.
-
-    Lengths are in metres. `at` and `normal`, and `from_` and `towards`, are as many; the exit code
-    is 1 where a target of the grid is missed.
+    "Meter", and objects with a custom property "meter". They look along their local +Z. The exit
+    code is 1 where a target of the grid is missed.
     """
 
     at: Points = _points("where a meter is, in metres")
@@ -119,15 +117,16 @@ class MeasureOptions(MeterCommand, verb="measure"):
             "maintenance_factor": self.maintenance_factor,
             "findings": self.scene_findings(meter),
         }
-        if self.quantity == "radiance":
-            for pair in zip(self.from_, self.towards, strict=True):
-                self._luminance(meter, twin, *pair, document)
-            if len(self.from_) == 1:
-                document |= document["meters"][0]
-        else:
+        if self.quantity == "irradiance":
             self._lux(bl_scene, meter, twin, document)
-        missed = document["grid"] and not document["grid"]["targets"].get("pass", True)
-        return Outcome(document, _text(document), int(bool(missed)))
+        for pair in zip(self.from_, self.towards, strict=True):
+            self._luminance(meter, twin, *pair, document)
+        if len(self.from_) == 1:
+            document |= document["meters"][0]
+        grid, meters = document["grid"], document["meters"]
+        lines = _grid_lines(grid, meters) if grid else _meter_lines(meters)
+        missed = bool(grid) and not grid["targets"].get("pass", True)
+        return Outcome(document, "\n".join([*lines, *map(str, document["findings"])]), int(missed))
 
     def _luminance(
         self, meter: LuxMeter, twin: LuxMeter, place: Point, target: Point, document: dict[str, Any]
@@ -136,7 +135,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
         import numpy as np
 
         start, end = np.array(place), np.array(target)
-        weights = self.maintenance_factor * meter.weights
+        weights, key = self.maintenance_factor * meter.weights, "luminance_cd_m2"
         seen = meter.look(start, end)
         theirs = seen if twin is meter else twin.look(start, end)
         document["findings"] += seen.findings()
@@ -144,13 +143,10 @@ class MeasureOptions(MeterCommand, verb="measure"):
             "position_m": place,
             "direction": (end - start) / np.linalg.norm(end - start),
             "radiance_W_m2_sr": self.maintenance_factor * seen.radiance,
-            "luminance_cd_m2": float(seen.radiance @ weights),
+            key: float(seen.radiance @ weights),
             "standard_error_cd_m2": seen.standard_error(weights),
             "other_model_luminance_cd_m2": float(theirs.radiance @ weights),
-            "lights": [
-                {"name": name, "luminance_cd_m2": float(rgb @ weights)}
-                for name, rgb in seen.lights.items()
-            ],
+            "lights": named(seen.lights, (x @ weights for x in seen.lights.values()), key),
         }
         document["meters"].append(row)
 
@@ -163,29 +159,27 @@ class MeasureOptions(MeterCommand, verb="measure"):
         scale, factor = meter.scene.unit_scale_m, self.maintenance_factor
         grid, names, points, normals = self._places(bl_scene, scale)
         with bar("measure") as progress:
-            own = meter.read(points, normals, progress).times(factor)
-        other = own
+            own = other = meter.read(points, normals, progress).times(factor)
         if twin is not meter:
             with bar("measure, other model") as progress:
                 other = twin.read(points, normals, progress).times(factor)
         document["findings"] += own.findings()
-        if own.lights.size <= MANY:
-            shares = [named(meter.names, row, "illuminance_lx") for row in own.lights.tolist()]
-        else:
-            shares = [[]] * len(points)
+        many = own.lights.size > MANY
+        if many:
             document["findings"].append(Finding("shares-left-out", "info", "", LEFT_OUT))
-        columns: dict[str, Iterable[Any]] = {
-            **({"name": names} if names else {}),
-            "position_m": points.tolist(),
-            "normal": normals.tolist(),
-            "irradiance_W_m2": own.irradiance.tolist(),
-            "illuminance_lx": own.illuminance.tolist(),
-            "standard_error_lx": own.standard_error.tolist(),
-            "other_model_illuminance_lx": other.illuminance.tolist(),
-            "lights": shares,
-        }
-        rows = zip(*columns.values(), strict=True)
-        document["meters"] = [dict(zip(columns, row, strict=True)) for row in rows]
+        document["meters"] = [
+            {
+                **({"name": names[k]} if names else {}),
+                "position_m": point,
+                "normal": normals[k],
+                "irradiance_W_m2": own.irradiance[k],
+                "illuminance_lx": own.illuminance[k],
+                "standard_error_lx": own.standard_error[k],
+                "other_model_illuminance_lx": other.illuminance[k],
+                "lights": [] if many else named(meter.names, own.lights[k], "illuminance_lx"),
+            }
+            for k, point in enumerate(points)
+        ]
         if grid:
             document["grid"] = self._figures(grid, own, meter.names)
 
@@ -200,14 +194,12 @@ class MeasureOptions(MeterCommand, verb="measure"):
 
         if self.spacing is not None:
             if self.plane:
-                x0, y0, z, x1, y1 = self.plane
-                edges = np.array([[min(x0, x1), min(y0, y1), z], [abs(x1 - x0), 0, 0],
-                                  [0, abs(y1 - y0), 0]])  # fmt: skip
-                axis = np.array(UP)
+                (x0, x1), (y0, y1) = sorted(self.plane[::3]), sorted(self.plane[1::3])
+                edges = [(x0, y0, self.plane[2]), (x1 - x0, 0, 0), (0, y1 - y0, 0)]
+                corner, u, v, axis = np.array([*edges, UP])
             else:
                 edges, axis = rectangle(bl_scene, str(self.grid))
-                edges = scale * edges
-            corner, u, v = edges
+                corner, u, v = scale * edges
             cells = grid(corner, u, v, self.spacing, self.margin)
             return cells, (), cells.points, np.broadcast_to(axis, cells.points.shape)
         if self.at:
@@ -223,7 +215,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
     def _figures(self, grid: Grid, own: Readings, names: list[str]) -> dict[str, Any]:
         """Return what a lighting designer asks of a grid."""
         lux = own.illuminance
-        average, low, high = map(float, (lux.mean(), lux.min(), lux.max()))
+        average, low, high = lux.mean(), lux.min(), lux.max()
         figures: dict[str, Any] = {
             "average_lx": average,
             "minimum_lx": low,
@@ -234,7 +226,7 @@ class MeasureOptions(MeterCommand, verb="measure"):
             "columns": grid.columns,
             "spacing_m": self.spacing,
             "margin_m": self.margin,
-            "lights": named(names, own.lights.mean(axis=0).tolist(), "average_lx"),
+            "lights": named(names, own.lights.mean(axis=0), "average_lx"),
         }
         asked = {"average_lx": self.target_average, "uniformity_U0": self.target_uniformity}
         targets: dict[str, Any] = {k: least for k, least in asked.items() if least is not None}
@@ -243,16 +235,9 @@ class MeasureOptions(MeterCommand, verb="measure"):
         return figures | {"targets": targets}
 
 
-def named(names: list[str], values: list[float], key: str) -> list[dict[str, Any]]:
+def named(names: Iterable[str], values: Iterable[Any], key: str) -> list[dict[str, Any]]:
     """Return a row for each light, its value under `key`."""
-    return [{"name": name, key: value} for name, value in zip(names, values, strict=True)]
-
-
-def _text(document: dict[str, Any]) -> str:
-    """Return a table for people."""
-    grid, meters = document["grid"], document["meters"]
-    lines = _grid_lines(grid, meters) if grid else _meter_lines(meters)
-    return "\n".join([*map(str, document["findings"]), *lines])
+    return [{"name": name, key: float(x)} for name, x in zip(names, values, strict=True)]
 
 
 def _meter_lines(meters: list[dict[str, Any]]) -> list[str]:
@@ -283,8 +268,8 @@ def _grid_lines(grid: dict[str, Any], meters: list[dict[str, Any]]) -> list[str]
         f"U0 {grid['uniformity_U0'] or 0.0:.3f}, Ud {grid['uniformity_Ud'] or 0.0:.3f}",
         *_share_lines(grid["lights"], "average_lx", "lx"),
     ]
-    passed = grid["targets"].get("pass")
-    return lines if passed is None else [*lines, f"targets: {'pass' if passed else 'FAIL'}"]
+    verdicts = {True: ["targets: pass"], False: ["targets: FAIL"]}
+    return lines + verdicts.get(grid["targets"].get("pass"), [])
 
 
 def _share_lines(lights: list[dict[str, Any]], key: str, unit: str) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..atomic import atomic_path
+from ..atomic import write_text
 from . import _values as values
 from ._base import Command, Outcome, option
 
@@ -51,8 +51,7 @@ class PhotometryOptions(Command, verb="photometry"):
             write_polar(light, self.plot, per_klm=self.unit == "cd/klm")
         if self.to_ies:
             text = as_ies(light, blender=self.orientation == "blender")
-            with atomic_path(self.to_ies) as target:
-                target.write_text(text, encoding="utf-8", newline="\r\n")
+            write_text(self.to_ies, text, newline="\r\n")
         document = _document(light) | {"plot": self.plot, "ies": self.to_ies}
         wrong = any(finding.severity == "error" for finding in light.findings)
         return Outcome(document, _text(document, self.file), 1 if wrong else 0)

@@ -16,7 +16,6 @@ from ._scene import PictureCommand
 
 if TYPE_CHECKING:
     from ..film import Film
-    from ..scene import Scene
 
 DEFAULT_ERROR = 0.01
 
@@ -42,10 +41,9 @@ class RenderOptions(PictureCommand, verb="render"):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.exclude("error", "samples")
-        if self.error is None and self.samples is None:
-            object.__setattr__(self, "error", DEFAULT_ERROR)
 
     def run(self) -> Outcome:
+        from ..checking import light_rows
         from ..direct import DirectLight
         from ..exr import film_channels, film_header, write_exr
         from ..progress import bar
@@ -60,20 +58,23 @@ class RenderOptions(PictureCommand, verb="render"):
         settings = Settings(
             samples=self.samples,
             error=self.error or DEFAULT_ERROR,
-            per_light=self._wants_lights(),
+            per_light=any(n == "all" or n.startswith("Light.") for n in self.passes or ()),
             threads=self.threads,
             time_limit=self.time_limit,
         )
         with bar("render") as progress:
             film = render(scene, settings, light=light, progress=progress)
         clock.append(time.perf_counter())
-        findings = [*film.findings, *_nothing_emits(scene)]
+        findings = list(film.findings)
+        if not light_rows(scene):
+            black = "no light in the scene: the picture is black"
+            findings.append(Finding("nothing-emits", "warning", "", black))
         channels = film_channels(film, scene, self.efficacy, self._layers(film))
         write_exr(self.output, channels, film_header(film, scene, self.efficacy))
         clock.append(time.perf_counter())
         read, built, rendered, written = (b - a for a, b in itertools.pairwise(clock))
-        document = {
-            "output": str(self.output),
+        document: dict[str, Any] = {
+            "output": self.output,
             "samples_per_pixel": float(film.samples[film.inside].mean()),
             "relative_standard_error": film.relative_standard_error,
             "coverage": coverage(film),
@@ -82,10 +83,13 @@ class RenderOptions(PictureCommand, verb="render"):
             "model": self.model,
             "seconds": {"read": read, "build": built, "render": rendered, "write": written},
         }
-        return Outcome(document, _text(document))
-
-    def _wants_lights(self) -> bool:
-        return any(name == "all" or name.startswith("Light.") for name in self.passes or ())
+        error = 100 * document["relative_standard_error"]
+        fraction = 100 * document["coverage"]["supported_pixel_fraction"]
+        lines = [
+            f"{self.output}: {document['samples_per_pixel']:.1f} samples a pixel",
+            f"relative standard error {error:.2g} %, {fraction:.1f} % of the picture supported",
+        ]
+        return Outcome(document, "\n".join([*lines, *map(str, findings)]))
 
     def _layers(self, film: Film) -> tuple[str, ...]:
         """Return the layers asked for, after checking that there are such."""
@@ -100,22 +104,3 @@ class RenderOptions(PictureCommand, verb="render"):
             if name not in (*PASSES, *lights):
                 raise unknown_name("layer", name, "--passes", ["all", *PASSES, *lights])
         return self.passes
-
-
-def _nothing_emits(scene: Scene) -> list[Finding]:
-    from ..checking import light_rows
-
-    if light_rows(scene):
-        return []
-    return [Finding("nothing-emits", "warning", "", "no light in the scene: the picture is black")]
-
-
-def _text(document: dict[str, Any]) -> str:
-    error = document["relative_standard_error"]
-    fraction = 100 * document["coverage"]["supported_pixel_fraction"]
-    samples = document["samples_per_pixel"]
-    lines = [
-        f"{document['output']}: {samples:.1f} samples a pixel",
-        f"relative standard error {100 * error:.2g} %, {fraction:.1f} % of the picture supported",
-    ]
-    return "\n".join([*lines, *map(str, document["findings"])])

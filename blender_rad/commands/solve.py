@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import Finding, RadError, unknown_name
 from . import _values as values
 from ._base import Outcome, aligned, option
-from ._meters import MeterCommand
+from ._scene import MeterCommand
 
 OFF = 0.01  # of a target: a miss that is worth a finding
 
@@ -134,5 +134,5 @@ def _text(document: dict[str, Any]) -> str:
     for meter in document["meters"]:
         read, wanted = f"{meter['illuminance_lx']:.5g}", f"{meter['target_lx']:.5g}"
         meters.append([meter["name"], read, wanted])
-    lines = [*map(str, document["findings"]), *aligned(lights), *aligned(meters)]
-    return "\n".join([*lines, f"residual {document['residual_lx']:.3g} lx"])
+    lines = [*aligned(lights), *aligned(meters), f"residual {document['residual_lx']:.3g} lx"]
+    return "\n".join([*lines, *map(str, document["findings"])])

@@ -2,6 +2,6 @@
 """What people are shown of a comparison: one page that stands by itself."""
 
 from .data import ReportData
-from .page import render_report, write_report
+from .page import render_report
 
-__all__ = ["ReportData", "render_report", "write_report"]
+__all__ = ["ReportData", "render_report"]

@@ -19,27 +19,17 @@ from ..working_space import REC709
 class ReportData:
     """A finished comparison: the document of `report.json` and the pictures behind it.
 
-    Attributes
-    ----------
-    document : the dict of `report.json`.
-    ours, witness : (h, w, 3) scene-linear radiance [W/(m² sr)], row 0 at the top.
-    excluded : (h, w) bool, pixels out of the comparison.
-    inside : (h, w) bool, the render border.
-    variance_ours, variance_witness : (h, w, 3), the latter None where it is not known.
-    luminance_weights : (3,) of the working space, adding up to 1.
-    efficacy_lm_W : luminance [cd/m²] over weighted radiance [W/(m² sr)].
-    chromaticities : red, green, blue and white (x, y) of the working space.
-    witness_name : what the other side is called.
+    Pictures are (h, w, 3) or (h, w), row 0 at the top.
     """
 
     document: Mapping[str, Any]
-    ours: Image
+    ours: Image  # scene-linear radiance [W/(m² sr)]
     witness: Image
-    excluded: NDArray[np.bool_]
-    inside: NDArray[np.bool_]
+    excluded: NDArray[np.bool_]  # pixels out of the comparison
+    inside: NDArray[np.bool_]  # the render border
     variance_ours: Image
-    variance_witness: Image | None
-    luminance_weights: tuple[float, float, float]
+    variance_witness: Image | None  # None where it is not known
+    luminance_weights: tuple[float, float, float]  # of the working space
     efficacy_lm_W: float  # noqa: N815 - the unit's own spelling
     chromaticities: tuple[float, ...] = REC709
     witness_name: str = "Cycles"

@@ -34,10 +34,9 @@ def build_document(
     seconds : by step, beyond those in `result`.
     """
     film, judged = result.film, result.comparison.to_json()
-    findings = [*plain(list(film.findings)), *judged.pop("findings")]
+    findings = [*film.findings, *judged.pop("findings")]
     inside = film.inside
-    per_witness = {key: judged[key] for key in ("verdict", "pixels", "metrics", "lights")}
-    spent = {"read": 0.0, "ours": 0.0, "cycles": 0.0, "compare": 0.0, "report": 0.0}
+    steps = ("read", "ours", "cycles", "compare", "report")
     document = {
         "schema": SCHEMA,
         "verdict": judged["verdict"],
@@ -46,7 +45,7 @@ def build_document(
             "sha256": scene.sha256,
             "frame": scene.frame,
             "camera": scene.camera.name if scene.camera else None,
-            "resolution": list(scene.resolution),
+            "resolution": scene.resolution,
             "unit_scale_m": scene.unit_scale_m,
         },
         "versions": versions(scene),
@@ -66,8 +65,8 @@ def build_document(
         **{key: judged[key] for key in ("pixels", "metrics", "lights")},
         "coverage": coverage(film),
         "findings": findings,
-        "witnesses": [{"name": witness_name, **per_witness}],
-        "seconds": spent | result.seconds | dict(seconds),
+        "witnesses": [{"name": witness_name, **judged}],
+        "seconds": dict.fromkeys(steps, 0.0) | result.seconds | dict(seconds),
     }
     return plain(document)
 

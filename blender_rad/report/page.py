@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import functools
-import os
 import shlex
 from collections import Counter
 from collections.abc import Mapping
@@ -13,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..atomic import atomic_path
 from ..compare.claims import TILE_TOLERANCES
 from ..compare.result import MIN_ENERGY
 from . import wording
@@ -47,7 +45,7 @@ def _totals(data: ReportData) -> dict[str, float | None]:
     """Return mean luminances [cd/m²] of what was compared, and the witness's over ours less 1."""
     use = data.compared
     if not use.any():
-        return {"ours": None, "witness": None, "excess": None}
+        return dict.fromkeys(("ours", "witness", "excess"))
     ours, witness = (float(data.luminance(x)[use].mean()) for x in (data.ours, data.witness))
     return {"ours": ours, "witness": witness, "excess": witness / ours - 1 if ours else None}
 
@@ -158,10 +156,3 @@ def render_report(data: ReportData) -> str:
         size=(data.ours.shape[1], data.ours.shape[0]),
         findings=sorted(document["findings"], key=lambda f: SEVERITIES.index(f["severity"])),
     )
-
-
-def write_report(path: str | os.PathLike[str], data: ReportData) -> None:
-    """Write the page of `data` to `path`, whole or not at all."""
-    page = render_report(data)
-    with atomic_path(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")

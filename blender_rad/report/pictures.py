@@ -26,13 +26,7 @@ HATCHES = 80  # lines across the picture
 
 
 def nice_above(value: float) -> float:
-    """Return the smallest round number that is not below `value`; 1 for 0.
-
-    Examples
-    --------
-    >>> nice_above(0.031), nice_above(87.0), nice_above(1000.0)
-    (0.04, 100.0, 1000.0)
-    """
+    """Return the smallest round number that is not below `value`: 0.04 for 0.031; 1 for 0."""
     if not value > 0:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(value))

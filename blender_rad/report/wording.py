@@ -23,13 +23,7 @@ VERDICTS = {  # what matters first
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return `value` with `digits` significant digits, thousands apart, a real minus sign.
-
-    Examples
-    --------
-    >>> number(12345.678), number(-0.00123), number(None)
-    ('12\u202f346', '−0.00123', '–')
-    """
+    """Return `value` with `digits` significant digits, thousands apart, a real minus sign."""
     if value is None:
         return UNKNOWN
     text = f"{value:,.0f}" if 1e4 <= abs(value) < 1e9 else f"{value:.{digits}g}"
@@ -42,14 +36,9 @@ def percent(value: float | None) -> str:
 
 
 def signed_percent(value: float | None, error: float | None = None) -> str:
-    """Return a signed fraction as percent, with its error where it is known.
+    """Return a signed fraction as percent, with its error: 0.02034, 0.0021 is '+2.03 % ± 0.21 %'.
 
     Digits stop at the error's second one: finer ones say nothing.
-
-    Examples
-    --------
-    >>> signed_percent(0.02034, 0.0021)
-    '+2.03\u202f% ± 0.21\u202f%'
     """
     if value is None:
         return UNKNOWN

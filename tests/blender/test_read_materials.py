@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blender_rad.bpy_io.materials import read_material, surface_of
-from blender_rad.bpy_io.questions import Questions
+from blender_rad.bpy_io.questions import Asking
 from blender_rad.scene import CLAY_ALBEDO, Material
 from blender_rad.textures import Context
 
@@ -195,15 +195,15 @@ def test_unknown_nodes_become_questions() -> None:
     painted = node(tree, "ShaderNodeGroup")
     painted.node_tree = group
     tree.links.new(node(tree, "ShaderNodeAddShader", painted, surface).outputs[0], output.inputs[0])
-    questions = Questions()
+    questions: list[Asking] = []
     found = surface_of(created, questions).full
-    (asking,) = questions.materials
+    (asking,) = questions
     assert asking.slots == {(("Group",), "Diffuse BSDF", "Color"): 0}
     assert found.albedo_texture and found.albedo_texture.measured and not found.unsupported
     tree.links.new(node(tree, "ShaderNodeTexNoise").outputs[0], surface.node.inputs["Strength"])
-    assert surface_of(created, Questions()).unknown_emission
+    assert surface_of(created, []).unknown_emission
     group.links.new(node(group, "ShaderNodeBevel").outputs[0], paint.inputs["Color"])
-    assert "Diffuse BSDF" in named(surface_of(created, Questions()).full)  # a mean over rays
+    assert "Diffuse BSDF" in named(surface_of(created, []).full)  # a mean over rays
 
 
 def test_no_surface_is_black_and_clay_is_clay() -> None:
