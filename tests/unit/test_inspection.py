@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blender_rad.errors import Finding
-from blender_rad.inspection import PHOTOPIC, figure, inspect_lights
+from blender_rad.inspection import PHOTOPIC, inspect_lights
 from blender_rad.lights import LightRecord, SkyMap
 from blender_rad.quantities import K_M
 from blender_rad.scene import Instance, Linking, Material, World
@@ -37,12 +37,10 @@ NOTES = {
     "the cone takes (1 - cos 30°)/2": (record('SPOT'), "60° cone", "6.7 % of its power"),
     "soft falloff": (record(shadow_soft_size=0.5), "soft falloff", "gives 80 % of"),
     "a point without a radius": (record(normalize=False), "not normalised", "4 times"),
-    "exitance": (record('AREA', normalize=False), "not normalised", "a larger light"),
     "sun's radiance": (record('SUN', angle=0.5, normalize=False), "not normalised", "wider angle"),
     "exposure": (record(exposure=2.0), "exposure 2", "makes its 10 40"),
     "negative": (record(energy=-3.0), "below 0", "takes light away"),
     "colour": (record(color=(0.0, 0.0, 1.0)), "colour", "0.0722 times the lm and 0.333 times"),
-    "nodes": (record(node_emission=(2.0, 2.0, 2.0)), "nodes", "2 times the lm"),
     "temperature": (
         record(use_temperature=True, temperature=500.0, temperature_color=(3.0, 0.5, 0.1)),
         "500 K, as at 800 K, where colours end",
@@ -51,11 +49,9 @@ NOTES = {
     "spread": (record('AREA', spread=1.0), "57.3° spread gathers", "11.8 times as bright"),
     "beam": (record('AREA', spread=0.0), "parallel beam", "no intensity"),
     "scaled area": (record('AREA', scale=(2, 1, 1)), "object's scale", "1 × 0.5 m"),
-    "scaled spot": (record('SPOT', scale=(2, 1, 1)), "object's scale", "stretches the cone"),
     "scaled point": (record(shadow_soft_size=0.1, scale=2), "object's scale", "on its radius"),
     "no shadow": (record(use_shadow=False), "casts no shadow", "behind walls"),
     "strength zero": (record(energy=0.0), "emits nothing", "strength is 0"),
-    "black": (record(color=(0.0, 0.0, 0.0)), "emits nothing", "colour is black"),
     "black nodes": (record(node_emission=(0.0, 0.0, 0.0)), "emits nothing", "nodes give nothing"),
     "hidden": (record(shown=False), "emits nothing", "hidden in renders"),
     "portal": (record('AREA', **{"cycles.is_portal": True}), "emits nothing", "portal"),
@@ -65,7 +61,7 @@ NOTES = {
 
 
 @pytest.mark.parametrize("case", NOTES)
-def test_a_note_says_what_the_number_hides(case: str) -> None:
+def test_a_note_says_what_the_number_hides(case):
     entry, *fragments = NOTES[case]
     row, _ = inspect(entry)
     assert any(all(f in note for f in fragments) for note in row["notes"]), row["notes"]
@@ -76,7 +72,7 @@ def test_a_note_says_what_the_number_hides(case: str) -> None:
     assert (row["radiant_flux_W"] is None) == (case == "unknown" or entry.bl_type == 'SUN')
 
 
-def test_findings_by_object_or_data_are_notes_and_linking_is_named() -> None:
+def test_findings_by_object_or_data_are_notes_and_linking_is_named():
     blocked = Finding("blocked-driver", "warning", "Lamp data", "the driver of energy cannot run")
     elsewhere = Finding("motion-blur", "info", "", "motion blur is on")
     linking = {"Lamp": Linking(np.ones(1, bool), np.zeros(1, bool))}
@@ -86,7 +82,7 @@ def test_findings_by_object_or_data_are_notes_and_linking_is_named() -> None:
 
 
 @pytest.mark.parametrize("model", ["cycles", "physical"])
-def test_unit_scale_gives_both_figures(model: Any) -> None:
+def test_unit_scale_gives_both_figures(model):
     scaled = record('AREA', unit_scale_m=0.1)
     row, findings = inspect(scaled, unit_scale_m=0.1, model=model)
     cycles, physical = 0.01 * STRENGTH, STRENGTH
@@ -100,7 +96,7 @@ def test_unit_scale_gives_both_figures(model: Any) -> None:
     assert not inspect(record('SUN', unit_scale_m=0.1), unit_scale_m=0.1, model=model)[1]
 
 
-def test_instances_are_one_row_with_the_mean_flux_of_a_piece() -> None:
+def test_instances_are_one_row_with_the_mean_flux_of_a_piece():
     small, large = record('AREA', normalize=False), record('AREA', normalize=False, scale=(2, 1, 1))
     row, _ = inspect(small, large)
     assert row["count"] == 2 and row["radiant_flux_W"] == pytest.approx(STRENGTH * 0.25 * 1.5)
@@ -108,7 +104,7 @@ def test_instances_are_one_row_with_the_mean_flux_of_a_piece() -> None:
     assert any("2 instances differ, 2.5 to 5 W" in note for note in row["notes"])
 
 
-def test_a_glowing_ball_and_nothing_at_all() -> None:
+def test_a_glowing_ball_and_nothing_at_all():
     glow = Material("glow", emission=(2.0, 2.0, 2.0))
     placed = [Instance("Globe", 0, moved(x=x), (0,)) for x in (0.0, 5.0, 9.0)]
     rows, _ = inspect_lights(scene([ball()], placed, [], materials=[glow]), efficacy=K_M)
@@ -121,7 +117,7 @@ def test_a_glowing_ball_and_nothing_at_all() -> None:
     assert rows == [] and [f.code for f in findings] == ['nothing-emits']
 
 
-def test_colour_temperature_and_the_spectrum_to_choose() -> None:
+def test_colour_temperature_and_the_spectrum_to_choose():
     white, _ = inspect(record(energy=100.0), efficacy=K_M)
     assert white["luminous_flux_lm"] == pytest.approx(68_300.2)
     assert white["correlated_colour_temperature_K"] == pytest.approx(6504.0, abs=2.0)
@@ -135,13 +131,7 @@ def test_colour_temperature_and_the_spectrum_to_choose() -> None:
     assert PHOTOPIC not in inspect(record(), efficacy=179.0)[0]["notes"]
 
 
-def test_figures() -> None:
-    values = (None, 0.0, 68_300.2, 0.28404, 99.996, -3.5, 1e-5, 2.5e12)
-    texts = ["", "0", "68 300", "0.284", "100", "-3.5", "1e-05", "2.5e+12"]
-    assert [figure(value) for value in values] == texts
-
-
-def test_a_sky_and_its_sun_are_one_row() -> None:
+def test_a_sky_and_its_sun_are_one_row():
     """E of both on a surface that looks up, and the radiance of the sun."""
     dim = np.full((16, 32, 3), 0.5, dtype=np.float32)
     spot = np.pad(np.full((14, 14, 3), 900.0, dtype=np.float32), ((1, 1), (1, 1), (0, 0)))

@@ -33,26 +33,21 @@ def red(expression: Expression, x: float, y: float) -> float:
 @pytest.mark.parametrize(
     ("interpolation", "extension", "place", "value"),
     [
-        ("Closest", "REPEAT", (1.9, 0.9), 1.0),
         ("Closest", "REPEAT", (-0.1, 0.5), 4.0),
         ("Closest", "MIRROR", (-1.1, 0.5), 1.0),
         ("Closest", "EXTEND", (7.0, 9.0), 25.0),
         ("Closest", "CLIP", (3.1, 0.5), 0.0),
-        ("Linear", "EXTEND", (1.0, 0.5), 0.5),
         ("Linear", "EXTEND", (1.25, 1.0), 0.5 * (0.25 * 0 + 0.75 * 1 + 0.25 * 9 + 0.75 * 16)),
         ("Linear", "REPEAT", (0.0, 0.5), 2.0),  # half of the last and half of the first
-        ("Linear", "CLIP", (0.0, 0.5), 0.0),
         ("Linear", "MIRROR", (3.0, 1.5), 25.0),
         ("Cubic", "EXTEND", (1.5, 1.5), (9 + 4 * 16 + 25) / 6 * 5 / 6 + (0 + 4 + 4) / 6 / 6),
     ],
 )
-def test_images_interpolate(
-    interpolation: str, extension: str, place: tuple[float, float], value: float
-) -> None:
+def test_images_interpolate(interpolation, extension, place, value):
     assert red(image(interpolation, extension), *place) == pytest.approx(value, rel=1e-6)
 
 
-def test_an_encoded_image_is_decoded_after_its_interpolation() -> None:
+def test_an_encoded_image_is_decoded_after_its_interpolation():
     found = image("Linear", "EXTEND", np.array([[[0] * 4, [255] * 4]], dtype=np.uint8))
     encoded = Expression(found.kind, "Color", {**found.settings, "encoded": True}, found.inputs)
     middle = Context(attribute={UV: np.array([[0.5, 0.5]])}.get)
@@ -60,7 +55,7 @@ def test_an_encoded_image_is_decoded_after_its_interpolation() -> None:
     assert from_srgb(np.array([0.04, 1.0])) == pytest.approx([0.04 / 12.92, 1.0])
 
 
-def test_expressions_fold_and_travel() -> None:
+def test_expressions_fold_and_travel():
     inputs = {name: constant(0.25) for name in ("Value", "Value_001", "Value_002")}
     settings = {"operation": "SQRT", "use_clamp": False}
     half = Expression("ShaderNodeMath", "Value", settings, inputs)
@@ -72,30 +67,29 @@ def test_expressions_fold_and_travel() -> None:
     assert red(pickle.loads(pickle.dumps(varying)), 1.0, 0.5) == pytest.approx(0.25)
 
 
-def test_textured_mesh_light_sends_what_its_texture_says(rng: np.random.Generator) -> None:
+def test_textured_mesh_light_sends_what_its_texture_says(rng):
     """A square whose radiance rises along x from one face, against quadrature."""
     corners = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=float)
-    triangles = corners[[[0, 2, 1], [0, 3, 2]]]
+    triangles, tint = corners[[[0, 2, 1], [0, 3, 2]]], np.array([1.0, 2.0, 0.0])
 
-    def glow(i: np.ndarray, uv: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    def glow(i, uv, towards):
         a, b, c = np.moveaxis(triangles[i], 1, 0)
         x = (a + uv[0][:, None] * (b - a) + uv[1][:, None] * (c - a))[:, 0]
-        return np.where(towards[:, 2] < 0.0, x, 0.0)[:, None] * np.array([1.0, 2.0, 0.0])
+        return np.where(towards[:, 2] < 0.0, x, 0.0)[:, None] * tint
 
     light = MeshLight(name="ramp", rgb=np.ones(3), triangles=triangles, texture=glow)
     n = 1 << 15
     origin, up = np.tile([0.3, 0.4, 0.0], (n, 1)), np.tile([0.0, 0.0, 1.0], (n, 1))
     sample = light.sample(origin, up, rng.random((n, 2)))
-    assert sample.tint is not None
     values = (sample.weight * sample.wi[:, 2])[:, None] * sample.tint
     x, y = np.meshgrid(*[(np.arange(512) + 0.5) / 512] * 2)
-    exact = np.mean(x / ((x - 0.3) ** 2 + (y - 0.4) ** 2 + 1.0) ** 2)
+    exact = np.mean(x / ((x - 0.3) ** 2 + (y - 0.4) ** 2 + 1.0) ** 2) * tint
     error = 5.0 * values.std(axis=0) / np.sqrt(n)
-    assert np.all(np.abs(values.mean(axis=0) - exact * np.array([1.0, 2.0, 0.0])) <= error + 1e-12)
-    assert light.radiant_flux() == pytest.approx(np.pi * np.array([0.5, 1.0, 0.0]), rel=1e-2)
+    assert np.all(np.abs(values.mean(axis=0) - exact) <= error + 1e-12)
+    assert light.radiant_flux() == pytest.approx(np.pi * 0.5 * tint, rel=1e-2)
     assert light.irradiance(origin[:1], up[:1]) is None
     distance, radiance = light.intersect(origin, sample.wi)
     assert distance == pytest.approx(sample.distance)
     assert radiance == pytest.approx(sample.tint, abs=1e-9)
     behind = light.sample(origin + 2.0 * up, -up, rng.random((n, 2)))
-    assert behind.tint is not None and not behind.tint.any()
+    assert not behind.tint.any()
