@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .lights import RAYS, Light
+from .lights._environment import WHOLE
 from .lights.mesh import MeshLight
-from .lights.world import WHOLE, Portal, WorldLight
+from .lights.world import Portal, WorldLight
 from .rays import transform_points
 from .scene import Instance, Material, Mesh, Scene, Unsupported, World
 from .shading import Ints, context_on

@@ -3,12 +3,19 @@
 
 Between the centres of texels the radiance is bilinear, as Cycles has it. So is the density in the
 plane of the map, whose corners are g = |L| cos(elevation) with |L| the channels' mean: it follows
-the light to within what the cosine bends inside a cell, at any contrast. A cell is chosen by row
-and column, then a place in it by inverting the linear densities of first v and then u.
+the light to within what the cosine bends inside a cell, at any contrast. Of a map of all directions
+|L| counts as far as it exceeds its mean: the rest is left to other samples, which find even light
+better, so that a sun has all of the map's own. A cell is chosen by row and column, then a place in
+it by inverting the linear densities of first v and then u.
 
     pdf(ω) = g(x, y) / (G cos(elevation)) · w h / (4 a b),  G = Σ cells ∫ g dx dy
 
 with half ranges a, b of the angles that w by h texels span.
+
+References
+----------
+O. Karlík, M. Šik, P. Vévoda, T. Skřivan, J. Křivánek, "MIS Compensation: Optimizing Sampling
+Techniques in Multiple Importance Sampling", ACM TOG 38(6), 2019.
 """
 
 from __future__ import annotations
@@ -22,6 +29,7 @@ from numpy.typing import NDArray
 from ._geometry import TINY, Array
 
 WHOLE = (np.pi, 0.5 * np.pi)
+LEAST = 0.125  # of |L| counts everywhere: no light without a chance
 
 
 @dataclass(frozen=True)
@@ -45,8 +53,11 @@ class SkyMap:
         """Radiance and g at the cells' corners, (h + 2, w + 1, 4)."""
         rows = np.pad(self.radiance, ((1, 1), (0, 1), (0, 0)), "edge")
         rows[:, -1] = rows[:, 0]
-        g = np.abs(rows).mean(axis=2) * np.cos(self._elevation(self._edges))[:, None]
-        return np.concatenate([rows, np.maximum(g, 0.0)[..., None]], axis=2, dtype=np.float32)
+        g = np.abs(rows).mean(axis=2)
+        if self.half == WHOLE:
+            g = np.maximum(g - self.scale, LEAST * g)
+        g = np.maximum(g * np.cos(self._elevation(self._edges))[:, None], 0.0)
+        return np.concatenate([rows, g[..., None]], axis=2, dtype=np.float32)
 
     @cached_property
     def _edges(self) -> Array:
@@ -64,11 +75,21 @@ class SkyMap:
 
     @cached_property
     def scale(self) -> float:
-        """Mean |L| over the map's solid angle [W/(m² sr)]."""
-        a, b = self.half
-        h, w, _ = self.radiance.shape
-        texels = self._integral[-1] * (2.0 * a / w) * (2.0 * b / h)
-        return float(texels / (4.0 * a * np.sin(b)))
+        """Mean |L| of the texels over their solid angles [W/(m² sr)]."""
+        level = np.cos(self._elevation(np.arange(len(self.radiance)) + 0.5))
+        return float(np.average(np.abs(self.radiance).mean(axis=(1, 2)), weights=level))
+
+    @cached_property
+    def share(self) -> float:
+        """How much of the light samples of the map are for: all of a window.
+
+        In quarters, so that low-discrepancy points deal them out evenly, and never all or none.
+        """
+        (a, b), (h, w, _) = self.half, self.radiance.shape
+        followed = self._integral[-1] * (2.0 * a / w) * (2.0 * b / h)
+        whole = 4.0 * a * np.sin(b) * self.scale
+        quarters = round(4.0 * followed / whole)
+        return float(np.clip(0.25 * quarters, 0.125, 0.875)) if self.half == WHOLE else 1.0
 
     @property
     def peak(self) -> Array:

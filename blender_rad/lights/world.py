@@ -13,8 +13,8 @@ density cos θ/π every sample has the same weight. The radiance is the same in 
 
 Portals, area lights marked as such, guide the samples of a room to its windows: ¾ of them go
 evenly through the portals' solid angles Ωᵢ, so that the density is ¼ cos θ/π + ¾/k Σ [hit i]/Ωᵢ.
-They emit nothing and take nothing away: light that comes in elsewhere still counts. Half of the
-samples that are left follow a sky that has no uniform radiance, all of them where it is a window:
+They emit nothing and take nothing away: light that comes in elsewhere still counts. `SkyMap.share`
+of the samples that are left follow a sky that has no uniform radiance:
 
     p = Σ share_k p_k  over hemisphere, sky and portals, whichever the sample is from.
 """
@@ -28,10 +28,9 @@ import numpy as np
 
 from . import _geometry as geometry
 from ._base import LIGHTS, Array, Light, LightRecord, LightSample
-from ._environment import WHOLE, SkyMap
+from ._environment import SkyMap
 
 THROUGH_PORTALS = 0.75  # of the samples
-ALONG_SKY = 0.5  # of the other samples
 SMALLEST_SOLID_ANGLE = 1e-8  # [sr] of a portal that is worth sampling
 
 
@@ -119,7 +118,7 @@ class WorldLight(Light):
     def _shares(self) -> tuple[float, float, float]:
         """Shares of the samples: over the hemisphere, along the sky, through each portal."""
         rest = 1.0 - THROUGH_PORTALS * bool(self.portals)
-        sky = rest * (0.0 if self.sky is None else ALONG_SKY if self.sky.half == WHOLE else 1.0)
+        sky = rest * (0.0 if self.sky is None else self.sky.share)
         return rest - sky, sky, THROUGH_PORTALS / max(len(self.portals), 1)
 
     def _seen(
