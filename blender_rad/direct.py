@@ -182,15 +182,11 @@ class DirectLight:
         passed: int = 0,
         scattering: Scattering | None = None,
     ) -> Iterator[Arrival]:
-        """Yield the light of emitters that reaches any of the points, in one part or two.
+        """Yield the light of emitters that reaches any of n points, in one part or two.
 
-        Parameters
-        ----------
-        surface : n points.
-        share : gives c (n,), such as `Sightings.share`.
-        uniform : gives points (n, 2) in [0, 1) for the emitter of a number.
-        passed : transparent surfaces in front of them.
-        scattering : closures at the points.
+        `share` gives c (n,), as `Sightings.of` does, `uniform` points (n, 2) in [0, 1) for the
+        emitter of a number. `passed` transparent surfaces are in front of the points; `scattering`
+        is what closures do there.
         """
         asked = _Asked(surface, share, uniform, passed, scattering)
         if scattering is not None:

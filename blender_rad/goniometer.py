@@ -184,8 +184,8 @@ class Goniometer:
         turn = 2.0 * np.pi * Points(place, place, np.zeros_like(place), 0).pair(0)[:, 0]
         up = self.front(spots)
         frame, sine = Frame.around(up), np.sqrt(1.0 - cosine**2)
-        local: Array = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
-        wi = frame.world(local.T)
+        local = [sine * np.cos(turn), sine * np.sin(turn), cosine]
+        wi = frame.world(np.array(local, dtype=np.float64).T)
         surface = self.surface(spots, wi)
         straight = self._passing.at(surface).reshape(*shape, 3)[:, :, 0]
         parts = self.lobes(surface)

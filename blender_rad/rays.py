@@ -116,15 +116,8 @@ def embree_version() -> str:
 
 
 class Caster:
-    """Casts rays against some of a scene's instances.
+    """Casts rays against the `chosen` ones of a scene's instances.
 
-    Parameters
-    ----------
-    meshes, instances : of the scene.
-    chosen : indices of the instances that rays can hit.
-
-    Notes
-    -----
     A mesh with a single user becomes triangles in world space in the top-level scene, as Cycles'
     static BVH has it; a shared mesh becomes one Embree scene and an Embree instance for each user.
     Geometry numbers: an instance's own index for the former and for Embree instances, and the mesh

@@ -75,11 +75,8 @@ def _mixed(words: Words) -> Words:
 class Points:
     """One point of each of many sequences, in as many dimensions as are asked for.
 
-    Parameters
-    ----------
-    pixel, stream, index : (n,) integers; `index` below `MAX_POINTS` numbers the points of the
-        sequence that `pixel` and `stream` stand for.
-    seed : of the whole run.
+    `index` (n,) below `MAX_POINTS` numbers the points of the sequences that `pixel` and `stream`
+    (n,) stand for; `seed` is of the whole run.
     """
 
     def __init__(

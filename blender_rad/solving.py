@@ -14,13 +14,9 @@ HOLD = 1e-6  # weight of a factor's change, against the largest share: it decide
 def factors(shares: Floats, targets: Floats) -> Floats:
     """Return the factors x ≥ 0 (k,) on lights for which ``shares @ x`` is nearest to `targets`.
 
-    Of equally good answers it is the one that changes the lights least: |Ax - b|² + (εa)²|x - 1|²
-    is minimised, a the largest share.
-
-    Parameters
-    ----------
-    shares : (n, k) what each light now gives to each meter.
-    targets : (n,) in the same unit.
+    `shares` (n, k) is what each light now gives to each meter, `targets` (n,) in the same unit. Of
+    equally good answers it is the one that changes the lights least: |Ax - b|² + (εa)²|x - 1|² is
+    minimised, a the largest share.
     """
     hold = HOLD * np.abs(shares).max(initial=0.0) or 1.0
     count = shares.shape[1]

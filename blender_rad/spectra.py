@@ -115,11 +115,8 @@ class Spectrum:
 def spectrum(name: str, limits: Limits | None = None) -> Spectrum:
     """Return the spectrum of that name, between `limits` [nm].
 
-    Raises
-    ------
-    RadError
-        For an unknown name, a file that is none, limits beyond what is tabulated, and where there
-        is no power between them.
+    RadError is for an unknown name, a file that is none, limits beyond what is tabulated, and where
+    there is no power between them.
     """
     if limits and not RANGE_NM[0] <= limits[0] < limits[1] <= RANGE_NM[1]:
         expected = f"expected two wavelengths of {RANGE_NM[0]:g} to {RANGE_NM[1]:g} nm, rising"
@@ -218,9 +215,8 @@ def _numbers(name: str, kind: str, text: str) -> Array:
         numbers = np.empty(0)
     right = len(numbers) == {"blackbody": 1, "temperature": 1, "laser": 1, "rgb": 3}.get(kind)
     if not (right and np.isfinite(numbers).all() and numbers.min() >= 0.0 and numbers.any()):
-        raise RadError(
-            f"{name} is not a spectrum", WHERE, f"expected {FORMS}, with numbers above 0"
-        )
+        expected = f"expected {FORMS}, with numbers above 0"
+        raise RadError(f"{name} is not a spectrum", WHERE, expected)
     return numbers
 
 

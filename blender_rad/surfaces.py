@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .rays import Hits, transform_points
-from .scene import Instance, Mesh, Scene
+from .scene import Instance, Scene
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,10 +96,15 @@ class Geometry:
         meshes, instances = scene.meshes, scene.instances
         users = Counter(instance.mesh for instance in instances)
         in_world = [i.normals_in_world and users[i.mesh] == 1 for i in instances]
-        moves: dict[int, Floats] = {
-            i.mesh: i.world_from_object for i, w in zip(instances, in_world, strict=True) if w
-        }
-        self._corners, self._vertices = _lay_out_vertices(meshes, moves)
+        moves = {i.mesh: i.world_from_object for i, w in zip(instances, in_world, strict=True) if w}
+        starts = _starts([len(m.vertices) for m in meshes])
+        corners = [m.triangles + starts[k] for k, m in enumerate(meshes)]
+        self._corners = _end_to_end(corners, (0, 3), np.int64)
+        vertices = [
+            transform_points(moves[k], m.vertices) if k in moves else m.vertices
+            for k, m in enumerate(meshes)
+        ]
+        self._vertices = _end_to_end(vertices, (0, 3), np.float64)
         self._size = np.abs(self._vertices).max(axis=1, initial=0.0)[self._corners].max(axis=1)
         self._slots = _end_to_end([m.slots for m in meshes], (0,), np.int64)
         smooth = _end_to_end([m.smooth for m in meshes], (0,), np.bool_)
@@ -107,8 +112,9 @@ class Geometry:
         self._shaded = _end_to_end(shaded, (0,), np.bool_)
         self._lifted = (smooth & self._shaded).astype(np.float64)
         self._normal_row = np.cumsum(self._shaded) - 1
-        normals = [_moved_normals(m.normals, moves.get(k)) for k, m in enumerate(meshes)]
-        self._normals = _end_to_end([n for n in normals if n is not None], (0, 3, 3), np.float32)
+        normals = [(m.normals, moves.get(k)) for k, m in enumerate(meshes)]
+        turned = [_moved_normals(n, move) for n, move in normals if n is not None]
+        self._normals = _end_to_end(turned, (0, 3, 3), np.float32)
         starts = _starts([len(m.triangles) for m in meshes])
         self.first = np.array([starts[i.mesh] for i in instances], dtype=np.int64)
         self._in_world = np.array(in_world, dtype=bool)
@@ -179,18 +185,13 @@ class Geometry:
         return normal
 
     def shadow_origins(self, surface: Surface, wi: Floats, cosine: Floats, rows: Ints) -> Floats:
-        """Return where shadow rays start, (k, 3).
+        """Return where shadow rays along `wi` (k, 3) start, (k, 3), from the points `rows` (k,).
 
         Beside the rounding offset along the geometric normal, towards the side that `wi` is on
         (which does as Cycles does when it lets a ray ignore the triangle that it leaves), this is
         Cycles' shadow terminator geometry offset: smooth triangles are lifted towards the curved
-        surface that their normals pretend, for directions near the terminator.
-
-        Parameters
-        ----------
-        surface : n points.
-        wi : (k, 3) directions towards the light from the points `rows` (k,).
-        cosine : (n,) of the directions from the shading normals; below 0 they go through.
+        surface that their normals pretend, for directions near the terminator. `cosine` (n,) is
+        theirs from the shading normals; below 0 they go through.
         """
         point, geometric = surface.point, surface.geometric_normal
         epsilon, cutoff = surface.epsilon, surface.cutoff
@@ -275,27 +276,11 @@ def _normal_matrix(matrix: Floats) -> Floats:
     return np.asarray(np.linalg.inv(linear).T)
 
 
-def _moved_normals(
-    normals: NDArray[np.float32] | None, move: Floats | None
-) -> NDArray[np.float32] | None:
-    if normals is None or move is None:
+def _moved_normals(normals: NDArray[np.float32], move: Floats | None) -> NDArray[np.float32]:
+    if move is None:
         return normals
     turned = normals.reshape(-1, 3).astype(np.float64) @ _normal_matrix(move).T
     return normalized(turned).reshape(-1, 3, 3).astype(np.float32)
-
-
-def _lay_out_vertices(meshes: Sequence[Mesh], moves: dict[int, Floats]) -> tuple[Ints, Floats]:
-    """Return corners (t, 3) and vertices (n, 3) of all meshes, those of `moves` in the world."""
-    starts = _starts([len(m.vertices) for m in meshes])
-    corners = [m.triangles + starts[k] for k, m in enumerate(meshes)]
-    vertices = [
-        transform_points(moves[k], m.vertices) if k in moves else m.vertices
-        for k, m in enumerate(meshes)
-    ]
-    return (
-        _end_to_end(corners, (0, 3), np.int64),
-        _end_to_end(vertices, (0, 3), np.float64),
-    )
 
 
 def _starts(lengths: Sequence[int]) -> Ints:
@@ -303,9 +288,7 @@ def _starts(lengths: Sequence[int]) -> Ints:
 
 
 def _end_to_end(arrays: Sequence[NDArray[Any]], empty: tuple[int, ...], kind: Any) -> NDArray[Any]:
-    if not arrays:
-        return np.zeros(empty, dtype=kind)
-    return np.concatenate(arrays).astype(kind, copy=False)
+    return np.concatenate([np.zeros(empty, dtype=kind), *arrays]).astype(kind, copy=False)
 
 
 def _material_table(instances: Sequence[Instance]) -> Ints:

@@ -54,9 +54,8 @@ def _from_disc(shape: Shape) -> tuple[str, float]:
 
 
 def _spot_flux(shape: Shape) -> tuple[str, float]:
-    cap = 1.0 - math.cos(0.5 * shape["cone"])
-    text = "Φ = 2π (1 − cos(cone/2)) (1 − blend/2) I"
-    return text, 2.0 * math.pi * cap * (1.0 - 0.5 * shape.get("blend", 0.0))
+    cap, kept = 1.0 - math.cos(0.5 * shape["cone"]), 1.0 - 0.5 * shape.get("blend", 0.0)
+    return "Φ = 2π (1 − cos(cone/2)) (1 − blend/2) I", 2.0 * math.pi * cap * kept
 
 
 def _area_flux(shape: Shape) -> tuple[str, float]:
@@ -120,19 +119,11 @@ def convert(
     shape: Shape | None = None,
     light: Spectrum | float | None = None,
 ) -> Conversion:
-    """Return `value` in another unit.
+    """Return `value` in another of `UNITS`.
 
-    Parameters
-    ----------
-    unit, to : of `UNITS`.
-    emitter : of `EMITTERS`.
-    shape : of the emitter and its place, by name, each above 0 (blend may be 0).
-    light : a spectrum, or a luminous efficacy [lm/W] by convention.
-
-    Raises
-    ------
-    RadError
-        For what is unknown, out of range or not finite, and for what is missing, by name.
+    The `emitter` is of `EMITTERS`, its `shape` and place by name, each above 0 (blend may be 0);
+    `light` is a spectrum, or a luminous efficacy [lm/W] by convention. RadError names what is
+    unknown, out of range, not finite or missing.
     """
     source, target, shape = unit_named(unit), unit_named(to), shape or {}
     if not math.isfinite(value) or (value < 0.0 and not source.stops):
@@ -208,13 +199,10 @@ def _by_form(end: Unit, other: Unit, emitter: str | None, shape: Shape) -> list[
     if form == away:
         return steps
     pair = {form, away}
-    bare = pair == {"irradiance", "intensity"} or (
-        pair == {"irradiance", "flux"} and "area" in shape
-    )
-    if not emitter and not bare:
-        return [
-            _times("", 1.0, name) for name in ("emitter", *["distance"] * ("irradiance" in pair))
-        ]
+    bare = pair == {"irradiance", "flux"} and "area" in shape
+    if not emitter and not bare and pair != {"irradiance", "intensity"}:
+        lacking = ("emitter", "distance") if "irradiance" in pair else ("emitter",)
+        return [_times("", 1.0, name) for name in lacking]
     if form not in EMITTERS[emitter][1]:
         what = f"{emitter} has no {end.quantity.words}"
         raise RadError(what, "--emitter", "expected another emitter")
