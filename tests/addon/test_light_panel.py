@@ -312,6 +312,16 @@ def test_meters_read_and_lights_are_solved_in_one_step(addon: Any, make: Make) -
     assert metering.met(floor) is True
 
 
+def test_materials_are_put_to_the_laws(addon: Any) -> None:
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.context.object.data.materials.append(bpy.data.materials.new("Grey"))
+    bpy.context.view_layer.update()
+    assert bpy.ops.radiometric.laws() == {'FINISHED'}
+    found = sys.modules[f"{addon.__name__}.law_panel"]._judged["Grey"]
+    assert found.positive and found.energy_conserving
+    assert 0.79 < found.max_albedo < 1.0
+
+
 LUMINAIRE = """IESNA:LM-63-2002
 [TEST] none
 TILT=NONE

@@ -1,129 +1,187 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run in a real Blender window: the first chapter of docs/guide.md, a picture at each stop.
+"""Run in a real Blender window: the first chapter of docs/guide.md by mouse and keyboard alone.
 
-Usage: blender -P _walk.py -- FOLDER: the pictures, and story.json with what came of it.
+Usage: blender -P _walk.py -- FOLDER: a picture at each stop, and story.json with what came of it.
 """
 
 import json
 import subprocess
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import bpy
 
 OUT = Path(sys.argv[-1])
-LONGEST_S = 240
-LUMENS, CHECK, VIEW = (1117, 663), (1115, 548), (495, 500)  # places on the screen, 1200 × 720
+LONGEST_S = 300
 ADDON = "bl_ext.user_default.radiometric.addon"
+# Places on the screen, 1200 × 720, once the Properties editor is as wide as WIDER makes it.
+VIEW, WIDER = (435, 500), ((986, 400), (950, 400), (910, 400), (869, 400))
+LIGHT_TAB, RENDER_TAB, FIRST_PANEL, SECOND_PANEL = (887, 515), (887, 238), (960, 269), (960, 297)
+UNIT, LUMENS, VALUE = (1158, 357), (1106, 401), (1080, 356)
+ENGINE, RADIOMETRIC, RENDERED = (1105, 235), (1068, 328), (855, 40)
+SIDEBAR_TAB, TARGET, SOLVE = (854, 338), (745, 190), (710, 263)
+FALSE_COLOUR, ILLUMINANCE = (1090, 328), (1090, 375)
+TOLERANCE, CHECK = (1090, 356), (1045, 460)
+Steps = Iterator[float]  # seconds to wait, in which Blender takes what it was given
 bpy.context.preferences.view.show_splash = False
 story = {}
 
 
-def area(kind):
-    return next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == kind)
-
-
-def picture(name):
+def picture(name: str) -> None:
     file = OUT / f"{name}.png"
     grab = ["import", "-window", "root", "+dither", "-colors", "128"]
     subprocess.run([*grab, str(file)], check=True)
 
 
-def hands(*words):
+def hands(*words: object) -> None:
     """Have xdotool move the mouse and press keys, as a hand would."""
     subprocess.run(["xdotool", *map(str, words)], check=True)
 
 
-def until(done) -> Iterator[float]:
+def click(place: tuple[int, int], times: int = 1) -> Steps:
+    hands("mousemove", *place)
+    yield 1
+    hands("click", "--repeat", times, "--delay", 80, 1)
+    yield 2
+
+
+def press(*keys: object) -> Steps:
+    """Press keys over the 3D view."""
+    hands("mousemove", *VIEW)
+    yield 0.5
+    hands("key", "--delay", 60, *keys)
+    yield 2
+
+
+def fill(place: tuple[int, int], text: str) -> Steps:
+    """Type into a number field."""
+    yield from click(place, 2)
+    hands("key", "ctrl+a", "type", text)
+    yield 1
+    hands("key", "Return")
+    yield 1
+
+
+def add(words: str) -> Steps:
+    """Take what the Add menu finds for words."""
+    yield from press("shift+a")
+    hands("type", words)
+    yield 3
+    hands("key", "Return")
+    yield 2
+
+
+def until(done: Callable[[], object]) -> Steps:
     for _ in range(LONGEST_S):
         if done():
             return
         yield 1
 
 
-def type_lumens() -> Iterator[float]:
-    """Type lumens into the panel of the lamp, and undo that; the panel is in the default engine."""
-    name = bpy.context.object.data.name
-    bpy.data.lights[name].radiometry.unit = 'lm'
+def desk() -> Steps:
+    """Leave nothing but a desk of 4 m and a lamp of 0.5 m, 2 m above it."""
+    yield from press("a", "Delete")
+    yield from add("plane")
+    yield from press("s", "2", "Return")
+    yield from add("area")
+    yield from press("s", "0", "period", "5", "Return")
+    yield from press("g", "z", "2", "Return")
+    hands("mousemove", *WIDER[0], "mousedown", 1)
+    for place in WIDER[1:]:
+        yield 1
+        hands("mousemove", *place)
+    yield 1
+    hands("mouseup", 1)
+    yield 1
+
+
+def type_lumens() -> Steps:
+    """State the lamp in lumens, take it back, and do it again."""
+
+    readout = sys.modules[f"{ADDON}.readout"]
 
     def value() -> float:
-        return bpy.data.lights[name].radiometry.value
+        return bpy.data.lights[0].radiometry.value
 
-    area('PROPERTIES').spaces.active.context = 'DATA'
-    bpy.ops.ed.undo_push(message="Lamp")
-    yield 5
-    hands("mousemove", *LUMENS, "click", "--repeat", 2, "--delay", 80, 1)
-    yield 5
-    hands("key", "ctrl+a", "type", "5000")
-    yield 5
-    hands("key", "Return")
+    yield from click(LIGHT_TAB)
+    yield from click(SECOND_PANEL)
+    yield from until(lambda: readout._last)
+    yield from click(UNIT)
+    yield from click(LUMENS)
+    yield from fill(VALUE, "5000")
     yield from until(lambda: abs(value() - 5000.0) < 1.0)
-    yield 5
+    yield 3
     story["typed_lm"] = value()
     picture("lumens")
-    hands("mousemove", *VIEW, "key", "ctrl+z")
+    yield from press("ctrl+z")
     yield from until(lambda: abs(value() - 5000.0) > 1.0)
     story["undone_lm"] = value()
+    yield from press("ctrl+shift+z")
 
 
-def in_view(operator, **options):
-    """Call an operator as from the 3D view."""
-    view = area('VIEW_3D')
-    region = next(r for r in view.regions if r.type == 'WINDOW')
-    window = bpy.context.window_manager.windows[0]
-    with bpy.context.temp_override(window=window, area=view, region=region):
-        return operator(**options)
+def walk() -> Steps:
+    """Do the steps of the guide."""
+    modules = {name.removeprefix(f"{ADDON}."): found for name, found in sys.modules.items()}
+    metering, panel = modules["metering"], modules["check_panel"]
+    viewports = modules["drawing"].VIEWPORTS
 
+    def lux() -> float:
+        reading = metering.STATE.readings.get("Meter")
+        return 0.0 if reading is None or metering.STATE.stale else reading.value
 
-def walk() -> Iterator[float]:
-    """Do the steps; yield seconds to wait."""
-    for found in list(bpy.data.objects):
-        bpy.data.objects.remove(found)
-    scene, add = bpy.context.scene, bpy.ops.object
-    in_view(bpy.ops.mesh.primitive_plane_add, size=4)
-    in_view(add.light_add, type='AREA', location=(0, 0, 2))
-    bpy.context.object.name = "Lamp"
-    bpy.context.object.data.size = 0.5
+    def drawn() -> bool:
+        return bool(viewports) and not any(v.refining for v in viewports.values())
+
+    yield from desk()
     yield from type_lumens()
-    scene = bpy.context.scene
-    in_view(add.camera_add, location=(0, -4, 2.5), rotation=(1.05, 0, 0))
-    scene.camera = bpy.context.object
-    scene.render.resolution_x, scene.render.resolution_y = 96, 64
-    scene.render.engine, own = 'RADIOMETRIC', scene.radiometric
-    own.error, own.shading = 0.05, 'clay'
-    area('PROPERTIES').spaces.active.context = 'RENDER'
-    space = area('VIEW_3D').spaces.active
-    space.shading.type, space.region_3d.view_perspective = 'RENDERED', 'CAMERA'
-    scene.cursor.location = (0, 0, 0.001)
-    yield 1
-    in_view(bpy.ops.radiometric.add_meter, kind='LUX')
-    meter = bpy.context.object
-    meter.radiometric_meter.target = 500
-    in_view(bpy.ops.radiometric.solve)
-    story["meter_lx"] = sys.modules[f"{ADDON}.metering"].STATE.readings[meter.name].value
-    drawing = sys.modules[f"{ADDON}.drawing"]
-    yield 3
-    yield from until(lambda: not any(v.refining for v in drawing.VIEWPORTS.values()))
-    picture("desk")
-    own.view = 'illuminance'
-    yield 4
-    picture("lux")
-    own.view, own.tolerance = 'radiance', 0.05
-    yield 5
-    hands("mousemove", *CHECK, "click", 1)
-    panel = sys.modules[f"{ADDON}.check_panel"]
-    yield from until(panel._last)
-    check = panel._last()
-    yield from until(lambda: not check.running)
+    yield from press("Home", *["KP_Subtract"] * 4)
+    yield from add("camera")
+    yield from press("ctrl+alt+KP_0")
+    yield from click(RENDER_TAB)
+    yield from click(ENGINE)
+    yield from click(RADIOMETRIC)
+    yield from click(RENDERED)
+    yield from add("lux")
+    yield from press("n")
+    yield from click(SIDEBAR_TAB)
+    yield from until(lux)
+    story["before_lx"] = lux()
+    yield from fill(TARGET, "500")
+    yield from click(SOLVE)
+    yield from until(lambda: abs(lux() - 500) < 5)
+    story["meter_lx"] = lux()
+    yield from until(drawn)
     yield 2
+    picture("desk")
+    for place in (FIRST_PANEL, SECOND_PANEL, FALSE_COLOUR, ILLUMINANCE):
+        yield from click(place)
+    yield from until(drawn)
+    yield 3
+    picture("lux")
+    yield from click(SECOND_PANEL)
+    yield from fill(TOLERANCE, ".05")
+    yield from click(CHECK)
+    yield from until(panel._last)
+    yield from until(lambda: not panel._last().running)
+    yield 3
+    check = panel._last()
     story["verdict"] = check.document["verdict"] if check.document else check.error
     picture("agree")
+    file = str(OUT / "desk.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    bpy.ops.wm.open_mainfile(filepath=file)
+    yield from until(lux)
+    story["reopened_lx"] = lux()
 
 
 def step() -> float | None:
+    """Go on, once Blender has turned a few times since the last step, however slow it is."""
+    if turns:
+        return turns.pop()
     try:
+        turns.extend([0.3] * 3)
         return next(steps)
     except StopIteration:
         pass
@@ -134,5 +192,6 @@ def step() -> float | None:
     return None
 
 
+turns: list[float] = []
 steps = walk()
 bpy.app.timers.register(step, first_interval=2, persistent=True)

@@ -59,6 +59,7 @@ def main() -> int:
         good = story.get("enabling_s", 1) < ENABLE_S and story.get("ms_a_redraw", 99) < REDRAW_MS
     else:
         good = abs(story.get("meter_lx", 0) - 500) < 5 and story.get("verdict") == "agree"
+        good &= abs(story.get("reopened_lx", 0) - 500) < 5
         good &= abs(story.get("typed_lm", 0) - 5000) < 1 and story.get("undone_lm", 5000) != 5000
     return 0 if good and not tracebacks else 1
 
