@@ -1,22 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Many lights as one: at each point a few are chosen, by what they send there.
 
-What the camera sees is cut into `LEAVES` boxes by the medians of a few points. Every light is
-sampled at the points of each, with its shadow: that gives its mean E̅ and the share p of it that
-arrives. A table holds its intensity I by direction, far away. At a point of the box, where a light
-of size s and distance d lies in the direction ω, it is chosen with a chance
+What the camera sees is cut into boxes of place and normal, with a few points in each. From afar, a
+light of size s at a distance d, with the intensity I(ω) in the direction ω, sends a point about
 
-    q ∝ p I(ω) cosθ/(d² + s²) + F E̅
+    S = I(ω) cosθ/(d² + s²)
 
-among the `NEAR` lights that are strongest in the box and `OTHERS`, which a table of the box gives
-with chances that are about in proportion to p E̅; these stand for all the others.
+of which a share p arrives, as lights that are tried at the points tell. The `NEAR` lights that may
+be the brightest somewhere in a box are chosen with a chance q ∝ √p S at the point itself, all the
+others with q ∝ √p S̅ of its box: the variance is least for q² in proportion to the mean square.
 
 `PICKS` strata of that distribution give a light each; the mean of f V / q is free of bias whatever
-the tables say, since every light keeps a chance.
-
-Where closures are sampled too, the chance that weighs both is q over the box's mean of the sum that
-it is a share of: any function of point and light will do there, as long as both take the same. What
-a ray meets is found through boxes around the lights, each of which it leaves once.
+the tables say, since every light keeps a chance. What samples of closures meet is found through
+boxes around the lights, each of which they leave once.
 """
 
 from __future__ import annotations
@@ -24,13 +20,12 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .bsdfs._base import picked
 from .cameras import camera_rays
 from .emitters import Emitter
 from .film import REST
@@ -42,7 +37,7 @@ from .lights.point import PointLight
 from .rays import Caster
 from .sampling import Points
 from .scene import Camera, Instance, Mesh, Scene
-from .surfaces import Surface, dot, normalized, pick
+from .surfaces import Surface, dot, normalized
 
 if TYPE_CHECKING:
     from .direct import DirectLight
@@ -53,60 +48,122 @@ Ints = NDArray[np.int64]
 
 FEW = 16  # lights that are sampled one by one
 MATTERS = 0.007  # share of the light with which a name keeps its layer; at 0.01 it is judged
-LEVELS, POINTS = 7, 4  # 2^levels boxes; points in each
-LEAVES = 1 << LEVELS
-NEAR, OTHERS = 24, 16
-PLACES = 4  # a light, in tables
-PICKS = 4
+SEEN, POINTS = 4096, 4  # points that are looked at, and how many of them a box has at most
+PAIRS = 1 << 22  # of points and lights, at most
+TRIES = 32  # lights that are tried at each of the points
+NEAR, PICKS = 24, 6
 MANY_KINDS = 64
-CHUNK = 4096  # points at a time, so that what is known of their lights stays near the processor
-FLAT = 0.1  # F, and the least p
+FLAT = 0.1  # least √p, and least I over its peak
 GRAZING = 0.05  # least cosθ
+WARY = 0.03  # weight, beside the mean of S, of the most that a light may send
+TURN = 0.125  # of the scene's extent: what a normal's unit counts as
 SIDE = 16  # directions in a table, squared
 FAR = 1e3  # of a light's size: from there its intensity is seen
 PLACE = ("position", "center")  # fields for where a light stands
 LOOSE = 1e-3  # of a light's size: how much wider its box is
 STEP = 1e-6  # of coordinates: where a ray goes on behind a box
+TINY = 1e-12  # [bu²], beside squared distances
 FIRST_DIMENSION = 1 << 12  # of random numbers, beyond those of single lights
 
 
 class Boxes:
-    """A balanced tree of boxes over points (LEAVES · k, 3)."""
+    """A tree of boxes over points with their normals (n, 3).
 
-    def __init__(self, points: Floats) -> None:
-        self._axis = np.zeros(LEAVES, dtype=np.int64)
-        self._split = np.zeros(LEAVES)
-        members = {1: np.arange(len(points))}
-        for node in range(1, LEAVES):
-            own = members.pop(node)
-            axis = int(np.argmax(np.ptp(points[own], axis=0)))
-            own = own[np.argsort(points[own, axis], kind="stable")]
-            half = len(own) // 2
-            self._axis[node], self._split[node] = (
-                axis,
-                points[own[half - 1 : half + 1], axis].mean(),
-            )
-            members[2 * node], members[2 * node + 1] = own[:half], own[half:]
-        self.members = np.stack([members[LEAVES + k] for k in range(LEAVES)])
+    Attributes
+    ----------
+    parts : the points of each.
+    corners : (boxes, 2, 3) least and greatest, of all that a box may hold.
+    """
 
-    def of(self, points: Floats) -> Ints:
+    def __init__(self, points: Floats, normals: Floats) -> None:
+        self._turn = TURN * np.ptp(points, axis=0).max()
+        self._axis, self._split = list[int](), list[float]()
+        self._next = list[tuple[int, int]]()  # nodes; of a leaf, itself and its box
+        self.parts, cells = list[Ints](), list[Floats]()
+        where = self._coordinates(points, normals)
+        cell = np.array([points.min(axis=0), points.max(axis=0)])
+        self._depth = self._grow(where, np.arange(len(points)), cell, cells)
+        self._tree = np.array(self._axis), np.array(self._split), np.array(self._next).ravel()
+        self.corners = np.array(cells)
+
+    def _grow(self, where: Floats, own: Ints, cell: Floats, cells: list[Floats]) -> int:
+        """Add the node of the points `own` in a `cell`, and those below; return their depth."""
+        node = len(self._axis)
+        axis = int(np.argmax(where[own].max(axis=0) - where[own].min(axis=0)))
+        own = own[np.argsort(where[own, axis], kind="stable")]
+        along = where[own, axis]
+        steps = np.flatnonzero(along[1:] - along[:-1] > STEP * self._turn) + 1
+        self._axis.append(axis)
+        if len(own) <= POINTS or not len(steps):
+            self._split.append(np.inf)
+            self._next.append((node, len(cells)))
+            self.parts.append(own)
+            cells.append(cell)
+            return 0
+        half = steps[np.argmin(np.abs(steps - len(own) // 2))]
+        split = float(along[half - 1 : half + 1].mean())
+        self._split.append(split)
+        self._next.append((node + 1, -1))
+        below, above = cell.copy(), cell.copy()
+        if axis < 3:
+            below[1, axis] = above[0, axis] = split
+        depth = self._grow(where, own[:half], below, cells)
+        self._next[node] = node + 1, len(self._axis)
+        return 1 + max(depth, self._grow(where, own[half:], above, cells))
+
+    def _coordinates(self, points: Floats, normals: Floats) -> Floats:
+        return np.concatenate([points, self._turn * normals], axis=1)
+
+    def of(self, points: Floats, normals: Floats) -> Ints:
         """Return the box (n,) of points (n, 3)."""
-        node = np.ones(len(points), dtype=np.int64)
-        rows = np.arange(len(points))
-        for _ in range(LEVELS):
-            beyond = points[rows, self._axis.take(node)] > self._split.take(node)
-            node = 2 * node + beyond
-        return node - LEAVES
+        axis, split, following = self._tree
+        where, first = self._coordinates(points, normals).ravel(), 6 * np.arange(len(points))
+        node = np.zeros(len(points), dtype=np.int64)
+        for _ in range(self._depth):
+            beyond = where.take(first + axis.take(node)) > split.take(node)
+            node = following.take(2 * node + beyond)
+        return following.take(2 * node + 1)
+
+
+class _Looks(NamedTuple):
+    """How lights look from far away; `intensity` (kinds, SIDE²) is over the `brightness`."""
+
+    centre: Singles
+    size: Singles
+    brightness: Singles
+    kind: Ints
+    intensity: Singles
+
+    def of(self, lights: Ints) -> _Looks:
+        """Return those of `lights` (k,)."""
+        return self._replace(
+            centre=self.centre[lights],
+            size=self.size[lights],
+            brightness=self.brightness[lights],
+            kind=self.kind[lights],
+        )
+
+    def sent(self, points: Floats, normals: Floats, lights: Ints) -> Singles:
+        """Return S (n, k) of `lights` (n, k), or the same (1, k), at n points."""
+        place, normal = points.astype(np.float32), normals.astype(np.float32)
+        x, y, z = (self.centre[:, k].take(lights) - place[:, k, None] for k in range(3))
+        squared = np.maximum(x * x + y * y + z * z, np.float32(TINY))
+        height = x * normal[:, 0, None] + y * normal[:, 1, None] + z * normal[:, 2, None]
+        cosine = np.maximum(height / np.sqrt(squared), np.float32(GRAZING))
+        table = self.kind.take(lights) * SIDE**2 + _bin(-x, -y, -z)
+        intensity = self.intensity.take(table) * self.brightness.take(lights)
+        return intensity * cosine / (squared + self.size.take(lights))
+
+    def most(self, low: Floats, high: Floats, corners: Floats) -> Singles:
+        """Return the most (boxes, n) that lights between corners (n, 3) send into boxes."""
+        gap = np.maximum(low - corners[:, 1, None], corners[:, 0, None] - high)
+        squared = np.sum(np.maximum(gap, 0.0) ** 2, axis=2) + self.size + TINY
+        peak = self.intensity.max(axis=1)[self.kind] * self.brightness
+        return (peak / squared).astype(np.float32)
 
 
 class Crowd:
     """Lights that share a layer; see above.
-
-    Parameters
-    ----------
-    boxes : with points of theirs, and
-    unoccluded, arriving : (lights, points) luminances there, without and with what hides them.
-    centre, size, intensity : (lights, 3) [bu], (lights,) [bu²], and (lights, SIDE²) by direction.
 
     Attributes
     ----------
@@ -114,63 +171,112 @@ class Crowd:
     batches : how many to work off at once, where lights are asked one by one.
     """
 
-    def __init__(
-        self,
-        emitters: Sequence[Emitter],
-        layer: int,
-        boxes: Boxes,
-        known: Sequence[Floats],
-    ) -> None:
-        unoccluded, arriving, even, *looks = known
-        self._centre, self._size, self._intensity = (x.astype(np.float32) for x in looks)
-        self._intensity /= np.float32(unoccluded.mean() or 1.0)
-        lights = [emitter.light for emitter in emitters]
+    def __init__(self, lights: Sequence[Light], surface: Surface, weights: Floats) -> None:
+        self.emitter = Emitter(replace(lights[0], rgb=np.ones(3)), 0)
         self._rgb = np.array([light.rgb for light in lights])
-        self._caster, self._boxed = _boxes_around(lights)
+        self._bounds = np.array([_bounds(light) for light in lights])
+        self._is_found = np.array([light.is_found for light in lights])
         self._kind_of, self._kinds, self._places = _alike(lights)
-        self.batches = 4 if len(self._kinds) > MANY_KINDS else 1
-        self.emitter = Emitter(replace(lights[0], rgb=np.ones(3)), layer)
-        self._boxes = boxes
-        count = min(NEAR, len(lights) // 2)
-        scale = unoccluded.mean() or 1.0
-        sent, seen, flat = (
-            x[:, boxes.members].mean(axis=2).T / scale for x in (unoccluded, arriving, even)
+        low, high = self._bounds.swapaxes(0, 1)
+        self._looks = _Looks(
+            (0.5 * (low + high)).astype(np.float32),
+            (((high - low) ** 2).sum(axis=1) / 12.0).astype(np.float32),
+            (np.abs(self._rgb) @ weights).astype(np.float32),
+            self._kind_of,
+            np.array([_intensities(one, weights) for one, _ in self._kinds], dtype=np.float32),
         )
-        passing = np.divide(seen, sent, out=np.ones_like(sent), where=sent > 0.0)
-        passing = np.maximum(passing, FLAT)
-        mean = passing * sent
-        flat = FLAT * (flat + mean + FLAT * sent.mean(axis=0)) + 1e-6
-        self._near = np.argsort(-mean, axis=1, kind="stable")[:, :count]
-        self._times = _shared_out(mean + flat, self._near)
-        self._total = (mean + flat).sum(axis=1)
-        self._passing, self._flat = passing.astype(np.float32), flat.astype(np.float32)
-        self._table = np.repeat(
-            np.tile(np.arange(len(lights)), LEAVES), self._times.ravel()
-        ).reshape(LEAVES, -1)
+        self._boxes = Boxes(surface.point, surface.normal)
+        order = np.concatenate(self._boxes.parts)
+        counts = np.array([len(own) for own in self._boxes.parts])
+        everyone = np.arange(len(lights))[None]
+        sent = [
+            self._looks.sent(surface.point[own], surface.normal[own], everyone)
+            for own in np.array_split(order, max(order.size // POINTS**2, 1))
+        ]
+        sums = np.add.reduceat(np.concatenate(sent), np.cumsum(counts) - counts, axis=0)
+        self._mean = sums / counts[:, None].astype(np.float32)
+        self._most = self._looks.most(low, high, self._boxes.corners)
+        self._passing = np.ones_like(self._mean)
+        self._settle()
 
-    def pick(self, points: Floats, normals: Floats, u: Floats) -> tuple[Ints, Floats, Floats]:
-        """Return lights (PICKS, n), the chances (PICKS, n) they had, and about had, from `u`."""
-        box = self._boxes.of(points)[:, None]
-        near, others = self._near[box[:, 0]], min(OTHERS, self._table.shape[1])
-        entry = ((np.arange(others) + u[:, 1:]) * (self._table.shape[1] / others)).astype(np.int64)
-        far = self._table[box, entry]
-        lights = np.concatenate([near, far], axis=1)
-        sent = self._passing[box, lights] * self._sent(
-            points.astype(np.float32), normals.astype(np.float32), lights
+    def _settle(self) -> None:
+        """Make tables of what is known of the boxes."""
+        self.batches = 4 if len(np.unique(self._kind_of)) > MANY_KINDS else 1
+        count = min(NEAR, len(self._rgb) // 2)
+        self._near = np.argpartition(-self._most * self._passing, count, axis=1)[:, :count]
+        wary = np.minimum(self._most, self._mean / np.float32(STEP))
+        self._rest = (self._mean + np.float32(WARY) * wary) * self._passing
+        np.put_along_axis(self._rest, self._near, 0.0, axis=1)
+        upto = np.cumsum(self._rest, axis=1, dtype=float)
+        self._others = upto[:, -1].copy()
+        self._table = (upto / upto[:, -1:] + np.arange(len(upto))[:, None]).ravel()
+
+    def part(self, lights: Ints, layer: int) -> Crowd:
+        """Return some of its `lights` (k,), in a layer."""
+        one = copy.copy(self)
+        one.emitter = replace(self.emitter, layer=layer)
+        for name in ("_rgb", "_bounds", "_is_found", "_kind_of", "_places"):
+            setattr(one, name, getattr(self, name)[lights])
+        for name in ("_mean", "_most", "_passing"):
+            setattr(one, name, getattr(self, name).take(lights, axis=1))
+        one._looks = self._looks.of(lights)
+        one._settle()
+        return one
+
+    def learn(self, light: DirectLight, surface: Surface) -> Floats:
+        """Try lights at the points; return the mean (lights,) of what arrives there of each."""
+        weights, lights = np.array(light.scene.luminance_weights), len(self._rgb)
+        index = np.arange(len(surface.point))
+        uniform = Points(0 * index, 0 * index, index, 1).pair
+        where = surface.point, surface.normal
+        chosen, chance, sent = self.pick(*where, uniform(self._dimension)[:, 0], TRIES)
+        value = np.zeros(chosen.shape)
+        samples = self._sampled(*where, uniform, chosen, chance)
+        for own, (sample, rgb) in zip(value, samples, strict=True):
+            cosine = dot(surface.normal, sample.wi)
+            own[:] = np.maximum(cosine, 0.0) * np.abs(sample.weight) * (np.abs(rgb) @ weights)
+            lit = np.flatnonzero(own)
+            if len(lit):
+                own[lit] *= light.seen(self.emitter, surface, sample, cosine, lit, passed=0)[0]
+        box = self._boxes.of(*where)
+        place = (box * lights + chosen).ravel()
+        share = TRIES * value * chance / sent
+        tried, found = (
+            np.bincount(place, each, self._mean.size).reshape(self._mean.shape)
+            for each in (np.ones(place.size), share.ravel())
         )
-        sent += self._flat[box, lights]
-        weight = sent.copy()
-        weight[:, near.shape[1] :] *= (self._table.shape[1] / others) / self._times[box, far]
-        upto = np.cumsum(weight, axis=1)
-        rows, total = np.arange(len(points)), upto[:, -1]
-        chosen = np.empty((PICKS, len(points)), dtype=np.int64)
-        chance, about = np.empty((2, PICKS, len(points)))
-        for k in range(PICKS):
-            column = (upto <= ((k + u[:, 0]) / PICKS * total)[:, None]).sum(axis=1)
-            column = np.minimum(column, lights.shape[1] - 1)
-            chosen[k], chance[k] = lights[rows, column], sent[rows, column] / total
-            about[k] = sent[rows, column] / self._total[box[:, 0]]
-        return chosen, chance, about
+        passing = np.sqrt((found + share.mean()) / (tried + 1.0))
+        self._passing = np.maximum(passing, FLAT).astype(np.float32)
+        return np.bincount(chosen.ravel(), value.ravel(), lights) / len(box)
+
+    def _expected(self, points: Floats, normals: Floats) -> tuple[Ints, Ints, Singles, Floats]:
+        """Return boxes (n,), lights near (n, k), what these send (n, k), and what all do (n,)."""
+        box = self._boxes.of(points, normals)
+        near = self._near.take(box, axis=0)
+        sent = self._looks.sent(points, normals, near)
+        sent *= self._passing.take(box[:, None] * len(self._rgb) + near)
+        return box, near, sent, sent.sum(axis=1) + self._others.take(box)
+
+    def pick(
+        self, points: Floats, normals: Floats, u: Floats, picks: int = PICKS
+    ) -> tuple[Ints, Floats, Floats]:
+        """Return lights (picks, n), their chances, and what they may send, from `u` (n,)."""
+        box, near, sent, total = self._expected(points, normals)
+        upto, rows, count = np.cumsum(sent, axis=1, dtype=float), np.arange(len(box)), near.shape[1]
+        at = (np.arange(picks)[:, None] + u) / picks * total
+        column = np.zeros(at.shape, dtype=np.int64)
+        for each in upto.T:
+            column += each <= at
+        left = np.clip((at - upto[:, -1]) / self._others.take(box), 0.0, 1.0 - 1e-9)
+        entry = np.searchsorted(self._table, box + left, side="right")
+        is_near, column = column < count, np.minimum(column, count - 1)
+        chosen = np.where(is_near, near[rows, column], entry - box * len(self._rgb))
+        expected = np.where(is_near, sent[rows, column], self._rest.take(entry))
+        return chosen, expected / total, expected
+
+    @cached_property
+    def _around(self) -> Caster:
+        return _boxes_around(self._bounds[self._is_found])
 
     def looks(
         self, points: Floats, normals: Floats, wi: Floats
@@ -178,7 +284,7 @@ class Crowd:
         """Yield `Light.look` along `wi` for each light that a ray may meet, with its `rgb`."""
         rows, origins = np.arange(len(points)), points.copy(order="K")
         while len(rows):
-            hits = self._caster.intersect(origins[rows], wi[rows])
+            hits = self._around.intersect(origins[rows], wi[rows])
             met = np.flatnonzero(hits.triangle >= 0)
             rows, hits = rows[met], hits.take(met)
             step = hits.distance + STEP * (np.abs(origins[rows]).max(axis=1) + hits.distance)
@@ -186,7 +292,7 @@ class Crowd:
             axis, side = np.divmod(hits.triangle % 12 // 2, 2)
             leaves = (wi[rows, axis] > 0.0) == (side == 1)
             if leaves.any():
-                lights = self._boxed[hits.triangle[leaves] // 12]
+                lights = np.flatnonzero(self._is_found)[hits.triangle[leaves] // 12]
                 yield self._looked(points, normals, wi, rows[leaves], lights)
 
     def _looked(
@@ -203,21 +309,14 @@ class Crowd:
             found = replace(one, **at).look(points[own], normals[own], wi[own])
             distance[own], shown, density = found
             radiance[own] = shown.reshape(len(own), -1) * self._rgb.take(chosen, axis=0)
-            box = self._boxes.of(points[own])
-            singles = points[own].astype(np.float32), normals[own].astype(np.float32)
-            sent = self._sent(*singles, chosen[:, None])[:, 0]
-            sent = self._passing[box, chosen] * sent + self._flat[box, chosen]
-            pdf[own] = PICKS * density * sent / self._total[box]
+            pdf[own] = PICKS * density * self._chance(points[own], normals[own], chosen)
         return distance, radiance, pdf
 
-    def _sent(self, points: Singles, normals: Singles, lights: Ints) -> Singles:
-        """Return about what `lights` (n, k) send to n points."""
-        x, y, z = (self._centre[:, k].take(lights) - points[:, k, None] for k in range(3))
-        squared = np.maximum(x * x + y * y + z * z, 1e-30)
-        height = sum(d * normals[:, k, None] for k, d in enumerate((x, y, z)))
-        cosine = np.maximum(height / np.sqrt(squared), GRAZING)
-        intensity = self._intensity.ravel().take(lights * SIDE**2 + _bin(-x, -y, -z))
-        return intensity * cosine / (squared + self._size.take(lights))
+    def _chance(self, points: Floats, normals: Floats, lights: Ints) -> Floats:
+        """Return the chances (n,) of `lights` (n,)."""
+        box, near, sent, total = self._expected(points, normals)
+        mine = np.where(near == lights[:, None], sent, 0.0).sum(axis=1)
+        return (mine + self._rest[box, lights]) / total
 
     def sample(
         self, points: Floats, normals: Floats, uniform: Callable[[int], Floats]
@@ -226,52 +325,50 @@ class Crowd:
 
         Weights are over chance and number, so that the results add up.
         """
-        first = FIRST_DIMENSION + self.emitter.layer * (PICKS + 1)
-        u, n = uniform(first), len(points)
-        parts = [slice(start, start + CHUNK) for start in range(0, n, CHUNK)]
-        picks = [self.pick(points[part], normals[part], u[part]) for part in parts]
-        chosen, chance, about = (
-            np.concatenate(each, axis=1).ravel() for each in zip(*picks, strict=True)
-        )
-        kind = self._kind_of.take(chosen)
-        order = np.argsort(kind, kind="stable")
+        u = uniform(self._dimension)[:, 0]
+        chosen, chance, _ = self.pick(points, normals, u)
+        return self._sampled(points, normals, uniform, chosen, chance)
+
+    @property
+    def _dimension(self) -> int:
+        return FIRST_DIMENSION + self.emitter.layer * (PICKS + 1)
+
+    def _sampled(
+        self,
+        points: Floats,
+        normals: Floats,
+        uniform: Callable[[int], Floats],
+        chosen: Ints,
+        chance: Floats,
+    ) -> list[tuple[LightSample, Floats]]:
+        """Return samples of lights (picks, n), with their `rgb`, over their chances."""
+        picks, n = chosen.shape
+        lights = chosen.ravel()
+        u = np.concatenate([uniform(self._dimension + 1 + k) for k in range(picks)])
+        wi, rgb = np.empty((lights.size, 3), order="F"), self._rgb.take(lights, axis=0)
+        distance, weight, pdf = np.empty((3, lights.size))
+        kind = self._kind_of.take(lights)
         ends = np.cumsum(np.bincount(kind, minlength=len(self._kinds)))
-        point, light = order % n, chosen.take(order)
-        points, normals = points.take(point, axis=0), normals.take(point, axis=0)
-        u = np.concatenate([uniform(first + 1 + k) for k in range(PICKS)]).take(order, axis=0)
-        wi, rgb = np.zeros((len(order), 3)), self._rgb.take(light, axis=0)
-        distance, weight, pdf = np.ones(len(order)), np.zeros(len(order)), np.ones(len(order))
-        start = 0
-        for (one, place), end in zip(self._kinds, ends.tolist(), strict=True):
-            rows, start = slice(start, end), end
-            if rows.start == end:
+        same = np.split(np.argsort(kind, kind="stable"), ends[:-1])
+        for (one, place), rows in zip(self._kinds, same, strict=True):
+            if not len(rows):
                 continue
-            at = {place: self._places.take(light[rows], axis=0)} if place else {}
-            found = replace(one, **at).sample(points[rows], normals[rows], u[rows])
+            at = {place: self._places.take(lights[rows], axis=0)} if place else {}
+            where = points.take(rows % n, axis=0), normals.take(rows % n, axis=0)
+            found = replace(one, **at).sample(*where, u.take(rows, axis=0))
             wi[rows], distance[rows], weight[rows] = found.wi, found.distance, found.weight
             pdf[rows] = found.pdf if one.is_found else np.inf
             if found.tint is not None:
                 rgb[rows] *= found.tint
-        back = np.empty_like(order)
-        back[order] = np.arange(len(order))
-        weight /= PICKS * chance.take(order)
-        pdf *= PICKS * about.take(order)
-        found = []
-        for k in range(PICKS):
-            rows = back[k * n : (k + 1) * n]
-            parts = distance.take(rows), weight.take(rows), pdf.take(rows)
-            sample = LightSample(pick(wi, rows), *parts)
-            found.append((sample, rgb.take(rows, axis=0)))
-        return found
+        often = picks * chance.ravel()
+        whole = LightSample(wi, distance, weight / often, pdf * often)
+        parts = [slice(k * n, k * n + n) for k in range(picks)]
+        return [(LightSample(*(x[part] for x in whole[:4])), rgb[part]) for part in parts]
 
 
-def _boxes_around(lights: Sequence[Light]) -> tuple[Caster, Ints]:
-    """Return what casts rays against boxes, twelve triangles each, and whose they are."""
-    bounds = [_bounds(light) for light in lights]
-    boxed = np.array([k for k, each in enumerate(bounds) if each is not None], dtype=np.int64)
-    low, high = (
-        np.array([each for each in bounds if each is not None]).reshape(-1, 2, 3).swapaxes(0, 1)
-    )
+def _boxes_around(bounds: Floats) -> Caster:
+    """Return what casts rays against boxes, twelve triangles each, of given corners (n, 2, 3)."""
+    low, high = bounds.swapaxes(0, 1)
     wide = LOOSE * (1.0 + 0.618 * np.arange(len(low)) % 1.0)  # no two of them end alike
     wide = wide * np.linalg.norm(high - low, axis=1)
     low, high = low - wide[:, None], high + wide[:, None]
@@ -283,22 +380,20 @@ def _boxes_around(lights: Sequence[Light]) -> tuple[Caster, Ints]:
     none = np.zeros(len(triangles), dtype=np.int32)
     mesh = Mesh("boxes", corners.astype(np.float32), triangles, None, none.astype(bool), none)
     there = [0] if len(low) else []
-    return Caster([mesh], [Instance("boxes", 0, np.eye(4), (0,))], there), boxed
+    there = [0] if len(low) else []
+    return Caster([mesh], [Instance("boxes", 0, np.eye(4), (0,))], there)
 
 
-def _bounds(light: Light) -> tuple[Floats, Floats] | None:
-    """Return the corners (3,) of what `Light.look` may find of it, None where that is nothing."""
+def _bounds(light: Light) -> tuple[Floats, Floats]:
+    """Return the corners (3,) of what shines."""
     plain = light.plain if isinstance(light, TexturedLight) else light
-    if not light.is_found:
-        return None
-    if isinstance(plain, PointLight):
-        return plain.position - plain.radius, plain.position + plain.radius
+    if isinstance(plain, MeshLight):
+        return plain.triangles.min(axis=(0, 1)), plain.triangles.max(axis=(0, 1))
     if isinstance(plain, AreaLight):
         half = 0.5 * (np.abs(plain.axis_u) + np.abs(plain.axis_v))
         return plain.center - half, plain.center + half
-    if isinstance(plain, MeshLight):
-        return plain.triangles.min(axis=(0, 1)), plain.triangles.max(axis=(0, 1))
-    return None
+    assert isinstance(plain, PointLight)
+    return plain.position - plain.radius, plain.position + plain.radius
 
 
 def _alike(lights: Sequence[Light]) -> tuple[Ints, list[tuple[Light, str]], Floats]:
@@ -324,22 +419,6 @@ def _alike(lights: Sequence[Light]) -> tuple[Ints, list[tuple[Light, str]], Floa
     return of, chosen, places
 
 
-def _shared_out(weight: Floats, near: Ints) -> Ints:
-    """Return how often each light (boxes, lights) has a place in the table of the others.
-
-    There are `PLACES` for each light: one is its own, unless it is near, the rest go by weight.
-    """
-    weight = weight.copy()
-    np.put_along_axis(weight, near, 0.0, axis=1)
-    others = weight > 0.0
-    places = PLACES * weight.shape[1]
-    if not others.any():
-        return np.zeros(weight.shape, dtype=np.int64)
-    free = places - others.sum(axis=1, keepdims=True)
-    upto = np.floor(np.cumsum(weight, axis=1) / weight.sum(axis=1, keepdims=True) * free + 0.5)
-    return others + np.diff(upto, prepend=0.0).astype(np.int64)
-
-
 def _bin(x: Singles, y: Singles, z: Singles) -> Ints:
     """Return the bin of directions, which need no unit length, on an octahedron unfolded."""
     length = np.maximum(np.abs(x) + np.abs(y) + np.abs(z), 1e-300)
@@ -359,6 +438,19 @@ def _directions() -> Floats:
     return normalized(np.stack([x, y, z], axis=1))
 
 
+def _intensities(light: Light, weights: Floats) -> Floats:
+    """Return luminous intensities (SIDE²,) by direction, over the luminance of its `rgb`."""
+    directions, (low, high) = _directions(), np.array(_bounds(light))
+    index = np.arange(len(directions))
+    u = Points(0 * index, 0 * index, index, 1).pair(0)
+    away = FAR * (np.linalg.norm(high - low) + 1e-3)
+    sample = light.sample((low + high) / 2 + away * directions, -directions, u)
+    tint = 1.0 if sample.tint is None else np.abs(sample.tint).mean(axis=1)
+    found = np.abs(sample.weight) * tint * away**2
+    peak = np.abs(light.peak_radiant_intensity()) @ weights / (np.abs(light.rgb) @ weights)
+    return found + FLAT * max(found.max(), peak)
+
+
 def gathered(light: DirectLight, scene: Scene, camera: Camera, *, per_light: bool) -> DirectLight:
     """Return `light` with its many lights gathered in crowds; as it is where they are few.
 
@@ -368,31 +460,24 @@ def gathered(light: DirectLight, scene: Scene, camera: Camera, *, per_light: boo
     many = [e for e in light.emitters if _can_join(e) and e.light.name not in scene.linking]
     if len(many) <= FEW:
         return light
-    surface = _seen_points(light, scene, camera)
+    surface = _seen_points(light, scene, camera, min(SEEN, PAIRS // len(many) + SEEN // 8))
     if surface is None:
         return light
-    boxes = Boxes(surface.point)
-    known = _tried(light, many, surface, np.array(scene.luminance_weights))
-    joined: dict[int, list[int]] = {}
-    layer_of = dict.fromkeys(range(len(light.names)), 0)
-    names = ["all"]
-    if per_light:
-        names, layer_of = _layers(light, many, known[1].mean(axis=1))
-    for index, emitter in enumerate(many):
-        joined.setdefault(layer_of[emitter.layer], []).append(index)
-    crowds = {layer: rows for layer, rows in joined.items() if len(rows) > FEW}
-    inside = {id(many[index]) for rows in crowds.values() for index in rows}
+    everyone = Crowd([e.light for e in many], surface, np.array(scene.luminance_weights))
+    energy = everyone.learn(light, surface)
     one = copy.copy(light)
-    one.names = names
+    one.names, layer_of = ["all"], dict.fromkeys(range(len(light.names)), 0)
+    if per_light:
+        one.names, layer_of = _layers(light, many, energy)
+    layers = np.array([layer_of[emitter.layer] for emitter in many])
+    crowded = [k for k, count in enumerate(np.bincount(layers)) if count > FEW]
+    inside = {id(many[index]) for index in np.flatnonzero(np.isin(layers, crowded))}
     one.emitters = [
         e if e.layer < 0 else replace(e, layer=layer_of[e.layer])
         for e in light.emitters
         if id(e) not in inside
     ]
-    one.crowds = [
-        Crowd([many[k] for k in rows], layer, boxes, [x[rows] for x in known])
-        for layer, rows in crowds.items()
-    ]
+    one.crowds = [everyone.part(np.flatnonzero(layers == layer), layer) for layer in crowded]
     return one
 
 
@@ -417,10 +502,9 @@ def _layers(
     return names, place
 
 
-def _seen_points(light: DirectLight, scene: Scene, camera: Camera) -> Surface | None:
-    """Return LEAVES · POINTS points that the camera sees; None where it sees too little."""
-    wanted = LEAVES * POINTS
-    index = np.arange(16 * wanted)
+def _seen_points(light: DirectLight, scene: Scene, camera: Camera, wanted: int) -> Surface | None:
+    """Return up to `wanted` points that the camera sees; None where it sees next to nothing."""
+    index = np.arange(2 * wanted)
     uniform = Points(np.zeros_like(index), np.zeros_like(index), index, 0).pair(0)
     width, height = scene.resolution
     x0, y0, x1, y1 = scene.border or (0, 0, width, height)
@@ -428,73 +512,6 @@ def _seen_points(light: DirectLight, scene: Scene, camera: Camera) -> Surface | 
     rays = camera_rays(camera, scene.resolution, where)
     hits = light.visibility.camera.intersect(rays.origins, rays.directions)
     met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))[:wanted]
-    if len(met) < wanted:
+    if len(met) < FEW * POINTS:
         return None
     return light.geometry.surface(hits.take(met), rays.directions.take(met, axis=0))
-
-
-def _tried(
-    light: DirectLight, emitters: Sequence[Emitter], surface: Surface, weights: Floats
-) -> list[Floats]:
-    """Return what lights send to the points, what arrives, and how they look from far away."""
-    points, directions = len(surface.point), _directions()
-    zero = np.zeros(max(points, len(directions)), dtype=np.int64)
-    u = Points(zero, zero, np.arange(len(zero)), 1).pair(0)
-    lights = [emitter.light for emitter in emitters]
-    luminance = np.abs([one.rgb for one in lights]) @ weights
-    kind_of, kinds, places = _alike(lights)
-    sent, arriving, even = np.zeros((3, len(lights), points))
-    centre, size = np.zeros((len(lights), 3)), np.zeros(len(lights))
-    intensity = np.zeros((len(lights), len(directions)))
-    together = max(CHUNK // points, 1)
-    for number, (one, place) in enumerate(kinds):
-        kind = np.flatnonzero(kind_of == number)
-        sampled = partial(_sampled, one, place, places, u)
-        for own in (kind[k : k + together] for k in range(0, len(kind), together)):
-            many = picked(surface, np.tile(np.arange(points), len(own)))
-            sample = sampled(own, many.point, many.normal)
-            cosine = dot(many.normal, sample.wi)
-            value = np.maximum(cosine, 0.0) * _luminance(sample) * np.repeat(luminance[own], points)
-            lit = np.flatnonzero(value)
-            passing = np.zeros(len(value))
-            if len(lit):
-                passing[lit] = light.seen(emitters[own[0]], many, sample, cosine, lit, passed=0)[0]
-            sent[own] = value.reshape(len(own), points)
-            arriving[own] = (value * passing).reshape(len(own), points)
-            reached = np.isfinite(sample.distance).reshape(len(own), points)
-            far = np.where(reached.ravel(), sample.distance, 0.0)[:, None]
-            met = (many.point + sample.wi * far).reshape(len(own), points, 3)
-            share = reached / np.maximum(reached.sum(axis=1, keepdims=True), 1)
-            centre[own] = np.einsum("np,npk->nk", share, met)
-            spread = np.sum((met - centre[own][:, None]) ** 2, axis=2)
-            size[own] = np.sum(share * spread, axis=1)
-            away = FAR * (np.sqrt(size[own]) + 1e-3)[:, None]
-            to = centre[own][:, None] + away[..., None] * directions
-            sample = sampled(own, to.reshape(-1, 3), np.tile(-directions, (len(own), 1)))
-            found = _luminance(sample).reshape(len(own), len(directions))
-            intensity[own] = found * away**2 * luminance[own][:, None]
-            peak = np.abs(one.peak_radiant_intensity()) @ weights
-            peak = peak * luminance[own] / (np.abs(one.rgb) @ weights)
-            most = np.maximum(intensity[own].max(axis=1), peak)
-            intensity[own] += FLAT * most[:, None]
-            towards = np.repeat(centre[own], points, axis=0) - many.point
-            squared = np.maximum(dot(towards, towards), 1e-30)
-            cosine = np.maximum(dot(towards, many.normal) / np.sqrt(squared), GRAZING)
-            form = (cosine / (squared + np.repeat(size[own], points))).reshape(len(own), points)
-            even[own] = FLAT * most[:, None] * form
-    return [sent, arriving, even, centre, size, intensity]
-
-
-def _sampled(  # noqa: PLR0917
-    one: Light, place: str, places: Floats, u: Floats, own: Ints, points: Floats, normals: Floats
-) -> LightSample:
-    """Return samples of the lights `own` (m,), which are like `one`, at m times as many points."""
-    each = len(points) // len(own)
-    at = {place: np.repeat(places[own], each, axis=0)} if place else {}
-    return replace(one, **at).sample(points, normals, np.tile(u[:each], (len(own), 1)))
-
-
-def _luminance(sample: LightSample) -> Floats:
-    """Return what arrives on a facing surface, over the luminance of the light's `rgb`."""
-    tint = 1.0 if sample.tint is None else np.abs(sample.tint).mean(axis=1)
-    return np.abs(sample.weight) * tint

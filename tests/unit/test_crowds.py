@@ -57,7 +57,7 @@ def test_what_is_chosen_adds_up_to_all() -> None:
     sent = np.array([np.nan_to_num(one.irradiance(points, normals)) for one in several])
     found = np.empty((times, count))
     for k in range(times):
-        chosen, chance, _ = crowd.pick(points, normals, rng.random((count, 2)))
+        chosen, chance, _ = crowd.pick(points, normals, rng.random(count))
         found[k] = (sent[chosen, np.arange(count)] / chance).mean(axis=0)
     z = (found.mean(axis=0) - sent.sum(axis=0)) / (found.std(axis=0, ddof=1) / times**0.5)
     assert np.abs(z).max() < 4.5
