@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Our picture of the open scene, Cycles' pictures of it, and how far they are apart."""
+"""Stages, our picture of the open scene, Cycles' pictures of it, and how far they are apart."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from blender_rad.bpy_io.materials import Shading
@@ -17,9 +19,22 @@ from blender_rad.film import Film
 from blender_rad.rendering import Settings, render
 from blender_rad.scene import Scene
 
+from .reading import CUBE, SQUARE, add, aimed, camera, empty_scene, light, material, node, polygons
+
 Array = NDArray[np.float64]
-TILE = 16
+SIZE, TILE = (48, 32), 16
 DARK = 0.05  # of the picture's mean: what tiles are measured against at least
+PICTURE = "picture: tiles 1 %, energy 0.2 %"  # relative, what `agrees` asks for
+TILES, ENERGY = 0.01, 0.002
+NOISE_OF_TILES, NOISE_OF_ENERGY = 0.015, 0.006  # at most, so that the test means something
+ALPHA = 0.2  # of a pixel, at edges
+FINE = {"ours": 128, "seeds": 8}  # for noisy pictures
+TINT = (0.9, 0.5, 0.2)
+
+
+def cases(table: Collection[str], quick: Collection[str]) -> list[Any]:
+    """The names of a table for `parametrize`; those that are not quick are slow."""
+    return [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in table]
 
 
 @dataclass(frozen=True)
@@ -55,11 +70,11 @@ def pooled(picture: Array) -> Array:
 
 
 def both_sides(
-    size: tuple[int, int],
+    size: tuple[int, int] = SIZE,
     *,
     shading: Shading = "full",
-    ours: int = 128,
-    seeds: int = 8,
+    ours: int = 64,
+    seeds: int = 4,
     samples: int = 64,
 ) -> Sides:
     """Render the open scene with both, with fixed samples a pixel."""
@@ -70,21 +85,25 @@ def both_sides(
     return Sides(scene, film, np.stack([witness.render(s + 1, samples) for s in range(seeds)]))
 
 
+def agrees(sides: Sides) -> None:
+    assert not sides.film.excluded.any()
+    off, error = sides.tiles()
+    assert error.max() < NOISE_OF_TILES
+    assert (np.abs(off) < TILES + 3 * error).all(), off
+    whole, error = sides.energy()
+    assert error < NOISE_OF_ENERGY
+    assert abs(whole) < ENERGY + 3 * error
+    np.testing.assert_allclose(sides.film.alpha, sides.seeds[..., 3].mean(axis=0), atol=ALPHA)
+
+
+# --- stages ---------------------------------------------------------------------------------------
+
+
 def look_at(
     target: tuple[float, float, float], eye: tuple[float, float, float], **lens: Any
 ) -> Any:
     """Put a camera at `eye`, looking at `target`, z up."""
-    from mathutils import Vector
-
-    data = bpy.data.cameras.new("Camera")
-    placed = bpy.data.objects.new("Camera", data)
-    bpy.context.scene.collection.objects.link(placed)
-    placed.location = eye
-    placed.rotation_euler = (Vector(target) - Vector(eye)).to_track_quat('-Z', 'Y').to_euler()
-    for key, value in lens.items():
-        setattr(data, key, value)
-    bpy.context.scene.camera = placed
-    return placed
+    return aimed(camera(**lens), eye, target)
 
 
 def lamp(
@@ -94,15 +113,38 @@ def lamp(
     **properties: Any,
 ) -> Any:
     """Add a light of `kind` that looks at `towards`."""
-    from mathutils import Vector
+    energy = 3.0 if kind == 'SUN' else 100.0
+    made = light(kind, kind.title(), **{"energy": energy, **properties})
+    return aimed(made, location, towards)
 
-    data = bpy.data.lights.new(kind.title(), kind)
-    data.energy = 3.0 if kind == 'SUN' else 100.0
-    for key, value in properties.items():
-        setattr(data, key, value)
-    placed = bpy.data.objects.new(kind.title(), data)
-    bpy.context.scene.collection.objects.link(placed)
-    placed.location = location
-    aim = Vector(towards) - Vector(location)
-    placed.rotation_euler = aim.to_track_quat('-Z', 'Y').to_euler()
-    return placed
+
+def stage(eye: tuple[float, float, float] = (0.5, -6, 3), **box: Any) -> Any:
+    """A floor and a box, seen from the front; the box is returned."""
+    empty_scene()
+    add("Floor", polygons("Floor", *SQUARE), scale=(3, 3, 1))
+    look_at((0, 0, 0.6), eye, lens=40)
+    place = {"location": (0.4, 0.2, 0.5), "scale": (0.4,) * 3}
+    return add("Box", polygons("Box", *CUBE), **{**place, **box})
+
+
+def square(name: str, shown: Any = None, **properties: Any) -> Any:
+    """Add a square of a material, of Lambert without any."""
+    return add(name, polygons(name, *SQUARE, shown), **properties)
+
+
+def glow(strength: float = 5.0, colour: tuple[float, ...] = (1, 0.7, 0.4)) -> Any:
+    """A material that emits."""
+    return material("Glow", "Emission", Color=colour, Strength=strength)
+
+
+def panes(count: int = 3) -> None:
+    """A stage behind panes, and under others, of 30 % Lambert, the rest coloured and clear."""
+    stage()
+    tinted = material("Pane", lambda tree: node(
+        tree, "MixShader", 0.3, node(tree, "BsdfTransparent", Color=TINT), node(tree, "BsdfDiffuse")
+    ))  # fmt: skip
+    for k in range(count):
+        turned = {"scale": (0.7, 0.7, 1), "rotation_euler": (1.3, 0.1 * k, 0.1)}
+        square(f"Pane {k}", tinted, location=(-0.3, -1 - 0.3 * k, 0.6), **turned)
+        turned["rotation_euler"] = (0.1, 0.1 * k, 0.1)
+        square(f"Roof {k}", tinted, location=(-0.6, 0.1, 1.3 + 0.15 * k), **turned)

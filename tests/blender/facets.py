@@ -17,39 +17,32 @@ from numpy.typing import NDArray
 
 from blender_rad.bpy_io.witness import CyclesWitness
 from blender_rad.bsdfs import Inputs, lobes
+from blender_rad.bsdfs.principled import emitted
 
 from .reading import add, camera, empty_scene, light, material, node, polygons
 
 Array = NDArray[np.float64]
 HALF = 0.05  # of a quad's side, in pixels
 GRAZING = 0.1  # least cosine: flatter quads miss their pixel, and single precision loses more
+VECTORS = {"Tangent", "Coat Normal"}
 VIEW = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Closure:
-    """A shader node: what is typed into it, its tangent, and how far around its peak to look."""
+    """A shader node: what its sockets get, its settings, and how far around its peak to look."""
 
     kind: str
     values: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
-    tangent: tuple[float, float, float] | None = None
     spread: float = 1.0
 
-    def material(self) -> Any:
-        made = material(self.kind, self.kind)
-        tree = made.node_tree
-        shader = next(n for n in tree.nodes if n.bl_idname == self.kind)
-        for name, value in self.settings.items():
-            setattr(shader, name, value)
-        for name, value in self.values.items():
-            socket = shader.inputs[name]
-            socket.default_value = (*value, 1.0) if socket.type == 'RGBA' else value
-        if self.tangent:
-            vector = node(
-                tree, "ShaderNodeCombineXYZ", **dict(zip("XYZ", self.tangent, strict=True))
-            )
-            tree.links.new(vector.outputs[0], shader.inputs["Tangent"])
+    def shader(self, tree: Any) -> Any:
+        typed = {name: value for name, value in self.values.items() if name not in VECTORS}
+        made = node(tree, self.kind, **self.settings, **typed)
+        for name in VECTORS & self.values.keys():  # which are the surface's own unless linked
+            fixed = node(tree, "CombineXYZ", *self.values[name])
+            tree.links.new(fixed.outputs[0], made.inputs[name])
         return made
 
     def frames(self, wi: Array, count: int, rng: np.random.Generator) -> Array:
@@ -58,21 +51,29 @@ class Closure:
         bends = np.ndim(ior) == 0 and wi[2] < 0.0
         ways = [VIEW + ior * wi, -VIEW - wi / ior] if bends else [VIEW + wi]
         found = np.concatenate([around(way, self.spread, 8 * count, rng) for way in ways])
-        cosines = np.abs(found[:, :, 2] @ np.stack([VIEW, wi], axis=1))
-        return rng.permutation(found[cosines.min(axis=1) > GRAZING])[:count]
+        cosines = found[:, :, 2] @ np.stack([VIEW, wi], axis=1)
+        kept = np.abs(cosines).min(axis=1) > GRAZING
+        if "Coat Normal" in self.values:  # which by itself does not know of light from behind
+            kept &= cosines.prod(axis=1) > 0.0
+        return rng.permutation(found[kept])[:count]
 
     def ours(self, normals: Array, wi: Array) -> Array:
         """Return f |cosθ_i| (k, 3) at quads seen along −z; normals (k, 3) of their fronts."""
         back = normals[:, 2] < 0.0
         seen = np.where(back[:, None], -normals, normals)
         wo, many = np.tile(VIEW, (len(seen), 1)), np.tile(wi, (len(seen), 1))
-        values = {n: np.atleast_2d(np.asarray(v, float)) for n, v in self.values.items()}
-        tangent = np.tile(self.tangent, (len(seen), 1)) if self.tangent else None
+        tree = bpy.data.node_groups.new("Values", 'ShaderNodeTree')
+        sockets = {s.name: getattr(s, "default_value", 0.0) for s in self.shader(tree).inputs}
+        values = {n: np.atleast_2d(np.ravel(v)[:3]).astype(float) for n, v in sockets.items()}
+        fixed = {n: np.tile(self.values[n], (len(seen), 1)) for n in VECTORS & self.values.keys()}
         inputs = Inputs(
-            values, self.settings, np.ones_like(seen), seen, seen, wo, tangent, back,
-            bpy.app.version,
+            {**values, "Coat Normal": fixed.get("Coat Normal", seen)}, self.settings,
+            np.ones_like(seen), seen, seen, wo, fixed.get("Tangent"), back, bpy.app.version,
         )  # fmt: skip
-        return sum(lobe.weight * lobe.evaluate(many)[0] for lobe in lobes(self.kind, inputs))
+        glow = 0.0
+        if "Emission Strength" in self.values:
+            glow = emitted(inputs) * values["Emission Color"] * values["Emission Strength"]
+        return glow + sum(lobe.weight * lobe.evaluate(many)[0] for lobe in lobes(self.kind, inputs))
 
 
 def around(middle: Array, spread: float, count: int, rng: np.random.Generator) -> Array:
@@ -92,8 +93,8 @@ def shot(closures: Sequence[Closure], frames: Sequence[Array], wi: Array) -> Arr
     rows, columns = len(closures), len(frames[0])
     corners = [(-HALF, -HALF, 0), (HALF, -HALF, 0), (HALF, HALF, 0), (-HALF, HALF, 0)]
     for row, (closure, rotations) in enumerate(zip(closures, frames, strict=True)):
-        mesh = polygons("Quad", corners, [(0, 1, 2, 3)])  # instanced, so its normal stays exact
-        mesh.materials[0] = closure.material()
+        shown = material(closure.kind, closure.shader)
+        mesh = polygons("Quad", corners, [(0, 1, 2, 3)], shown)  # shared, so its normal stays exact
         for column, rotation in enumerate(rotations):
             place = Matrix.Translation((column + 0.5, rows - row - 0.5, 0.0))
             add("Quad", mesh, matrix_world=place @ Matrix(rotation.tolist()).to_4x4())

@@ -21,7 +21,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import reading
+from .reading import SQUARE, add, camera, empty_scene, light, material, polygons, world
 
 WIDTH, HEIGHT = 32, 24
 ALBEDO = (0.8, 0.5, 0.25)
@@ -169,16 +169,11 @@ def layer(channels: dict[str, NDArray[np.float64]], name: str) -> NDArray[np.flo
     return np.stack([channels[f"{prefix}{c}"] for c in "RGB"], axis=-1)
 
 
-def link(name: str, data: Any, at: Any = (0, 0, 0)) -> Any:
-    return reading.add(name, data, location=at)
-
-
 def square(name: str, half: float, at: Any = (0, 0, 0)) -> Any:
-    corners, faces = reading.SQUARE
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata([(half * x, half * y, 0) for x, y, _ in corners], [], faces)
-    mesh.materials.append(reading.material(name, 'ShaderNodeBsdfDiffuse', Color=(*ALBEDO, 1)))
-    return link(name, mesh, at)
+    corners, faces = SQUARE
+    corners = [(half * x, half * y, 0) for x, y, _ in corners]
+    paint = material(name, "BsdfDiffuse", Color=ALBEDO)
+    return add(name, polygons(name, corners, faces, paint), location=at)
 
 
 def point(
@@ -189,29 +184,24 @@ def point(
     soft: bool = False,
 ) -> Any:
     shape = {"shadow_soft_size": radius, "use_soft_falloff": soft}
-    lamp = reading.light('POINT', name, energy=energy, **shape)
-    lamp.location = at
-    return lamp
+    return light('POINT', name, location=at, energy=energy, **shape)
 
 
-def panel(name: str = "Fill", energy: float = 40.0) -> Any:
-    lamp = reading.light('AREA', name, energy=energy, size=1.0)
-    lamp.location = (-1.0, 0.0, 1.5)
-    return lamp
+def panel(**properties: Any) -> Any:
+    place = {"location": (-1.0, 0.0, 1.5), "energy": 40.0, "size": 1.0}
+    return light('AREA', "Fill", **{**place, **properties})
 
 
-def world(name: str, color: tuple[float, float, float]) -> None:
-    reading.world(name, Color=(*color, 1))
+def sky(name: str, colour: tuple[float, float, float]) -> None:
+    world(name, Color=(*colour, 1))
 
 
 def stage() -> Any:
     """Empty the session; put a camera 5 m above a 4 m floor, so that background shows beside it."""
-    scene = reading.empty_scene()
+    scene = empty_scene()
     scene.render.engine = 'CYCLES'
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
-    camera = bpy.data.cameras.new("Camera")
-    camera.type, camera.ortho_scale = 'ORTHO', 5.0
-    scene.camera = link("Camera", camera, (0, 0, 5))
+    camera(type='ORTHO', ortho_scale=5.0, location=(0, 0, 5), rotation_euler=(0, 0, 0))
     square("Floor", 2.0)
     return scene
 
@@ -224,6 +214,6 @@ def save(path: Path) -> Path:
 def scene_file(folder: Path, name: str, *build: Callable[[], object]) -> Path:
     """Save a stage with what the functions add."""
     stage()
-    for add in build:
-        add()
+    for each in build:
+        each()
     return save(folder / f"{name}.blend")

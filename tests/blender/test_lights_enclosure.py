@@ -8,7 +8,6 @@ flux, and E d²/cos θ the intensity. Suns and worlds light the floor alone.
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,10 @@ import pytest
 
 import blender_rad
 from blender_rad.bpy_io.quiet import quiet_stdout
-from tests.blender import reading
+from blender_rad.bpy_io.witness import CyclesWitness
+
+from . import reading
+from .agreement import cases, glow
 
 HALF = 5.0  # of the box [bu]
 SIZE, SAMPLES = (192, 96), 16
@@ -56,8 +58,6 @@ LIGHTS: dict[str, tuple[str, dict[str, Any]]] = {
 # Peaks elsewhere, or finer than a pixel; of IES, Cycles 4.5 makes a ring of what is one direction.
 OFF_AXIS = ("ball", "soft", "area-spread", "area-narrow", "ies")
 QUICK = tuple(LIGHTS)[:8]
-CASES = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in LIGHTS]
-
 
 RING, FACE = [(-HALF, -HALF), (HALF, -HALF), (HALF, HALF), (-HALF, HALF)], (0, 1, 2, 3)
 CORNERS = [(x, y, z) for z in (-HALF, HALF) for x, y in RING]
@@ -65,30 +65,25 @@ SIDES = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
 
 
 class Box:
+    """Floor and walls, all lights in their middle, and what `lights` says of them by unit scale."""
+
     def __init__(self, folder: Path) -> None:
         scene = reading.empty_scene()
-        white = reading.material("White", 'ShaderNodeBsdfDiffuse', Color=(1,) * 4)
+        white = reading.material("White", "BsdfDiffuse", Color=(1,) * 4)
         for name, faces in (("Box", [FACE, (4, 5, 6, 7), *SIDES]), ("Floor", [FACE])):
-            mesh = reading.polygons(name, CORNERS, faces)
-            mesh.materials[0] = white
-            reading.add(name, mesh)
+            reading.add(name, reading.polygons(name, CORNERS, faces, white))
         for name, (kind, properties) in LIGHTS.items():
             if kind not in ('MESH', 'WORLD'):
                 add_light(name, kind, **properties)
-        glow = reading.material("Glow", 'ShaderNodeEmission', Strength=3.0, Color=(1, 0.5, 0.2, 1))
-        for name, mesh in (
-            ("sheet", reading.polygons("sheet", *reading.SQUARE)),
-            ("ball", reading.sphere("ball", 24, 13)),
-        ):
-            mesh.materials[0] = glow
-            reading.add(name, mesh, scale=(0.1, 0.05, 0.1), visible_camera=False)
+        glowing, thin = glow(3.0, (1, 0.5, 0.2)), {"scale": (0.1, 0.05, 0.1)}
+        sheet, ball = reading.polygons("sheet", *reading.SQUARE), reading.sphere("ball", 24, 13)
+        for mesh in (sheet, ball):
+            mesh.materials[0] = glowing
+            reading.add(mesh.name, mesh, visible_camera=False, **thin)
         reading.world(Color=(0.3, 0.4, 0.5, 1))
-        add_light("hidden", 'POINT')
-        bpy.data.objects["hidden"].hide_render = True
-        add_light("driven", 'POINT')
-        driver = bpy.data.lights["driven"].driver_add("energy").driver
+        add_light("hidden", 'POINT', hide_render=True)
+        driver = add_light("driven", 'POINT').data.driver_add("energy").driver
         driver.expression = "len(bpy.data.objects) * 0.0"
-        render_settings(scene, folder / "walls.exr")
         self.documents = {}
         for metre in SCALES_M:
             scene.unit_settings.system, scene.unit_settings.scale_length = 'METRIC', metre
@@ -97,6 +92,10 @@ class Box:
                 bpy.ops.wm.save_as_mainfile(filepath=str(path))
             self.documents[metre] = blender_rad.lights(str(path))
             scene = bpy.context.scene
+        lens = {"type": 'PANO', "panorama_type": 'EQUIRECTANGULAR', "clip_start": 0.01}
+        reading.camera(**lens, location=(0, 0, 0), rotation_euler=(0, 0, 0))
+        self.witness = CyclesWitness(scene, resolution=SIZE, threads=1)
+        self.witness.prepare()
 
     def irradiance(self, name: str) -> np.ndarray:
         """Return E on the walls (or the floor) by direction, (h, w, 3), of one light alone."""
@@ -107,47 +106,19 @@ class Box:
             thing.hide_render = not (wall or thing.type == 'CAMERA')
         background = scene.world.node_tree.nodes["Background"]
         background.inputs["Strength"].default_value = float(kind == 'WORLD')
-        with quiet_stdout():
-            bpy.ops.render.render(write_still=True)
-        image = bpy.data.images.load(scene.render.filepath)
-        pixels = np.array(image.pixels[:]).reshape(*SIZE[::-1], 4)[..., :3] * np.pi
-        bpy.data.images.remove(image)
-        return pixels
+        return self.witness.render(0, SAMPLES)[..., :3] * np.pi
 
 
-def render_settings(scene: Any, path: Path) -> None:
-    scene.render.engine = 'CYCLES'
-    settings = {
-        "samples": SAMPLES, "max_bounces": 0, "pixel_filter_type": 'BOX', "film_exposure": 1.0,
-        "use_adaptive_sampling": False, "use_denoising": False,
-    }  # fmt: skip
-    for name, value in settings.items():
-        setattr(scene.cycles, name, value)
-    render = scene.render
-    render.resolution_x, render.resolution_y = SIZE
-    render.threads_mode, render.threads, render.filepath = 'FIXED', 1, str(path)
-    render.image_settings.file_format, render.image_settings.color_depth = 'OPEN_EXR', '32'
-    camera = reading.camera(type='PANO')
-    camera.location, camera.rotation_euler = (0, 0, 0), (0, 0, 0)
-    pano = camera.data if hasattr(camera.data, "panorama_type") else camera.data.cycles
-    pano.panorama_type = 'EQUIRECTANGULAR'
-    camera.data.clip_start = 0.01
-
-
-def add_light(name: str, kind: str, *, scale: Any = (1, 1, 1), **properties: Any) -> None:
+def add_light(name: str, kind: str, **properties: Any) -> Any:
     point = {"shadow_soft_size": 0.0} if kind in ('POINT', 'SPOT') else {}
-    placed = reading.light(kind, name, **{"energy": 40.0, **point, **properties})
-    placed.scale, placed.rotation_euler, light = scale, (0.0, 0.0, 0.3), placed.data
+    turned = {"energy": 40.0, "rotation_euler": (0.0, 0.0, 0.3)}
+    placed = reading.light(kind, name, **{**turned, **point, **properties})
     if name == "ies":
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)
-            light.use_nodes = True
-        tree = light.node_tree
-        text = bpy.data.texts.new("ies")
+        tree, text = reading.with_nodes(placed.data), bpy.data.texts.new("ies")
         text.write(IES + "100 90 70 40 20 10 5\n")
-        node = tree.nodes.new('ShaderNodeTexIES')
-        node.ies = text
-        tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+        made = reading.node(tree, "TexIES", ies=text)
+        tree.links.new(made.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+    return placed
 
 
 def directions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -172,7 +143,7 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Box:
     return Box(tmp_path_factory.mktemp("box"))
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", cases(LIGHTS, QUICK))
 def test_the_walls_catch_what_lights_says(box: Box, name: str) -> None:
     measured = box.irradiance(name)
     solid_angle, distance, cosine = directions()

@@ -7,6 +7,7 @@ A stage has two boxes; one lamp lights all of it, another one is linked.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import bpy
@@ -16,12 +17,10 @@ import pytest
 from blender_rad.bpy_io.read import read_scene
 from blender_rad.meters import LuxMeter
 
-from .agreement import both_sides, lamp
-from .reading import CUBE, SQUARE, add, material, polygons
-from .test_features_cycles import SIZE, agrees, glowing, stage
+from .agreement import FINE, PICTURE, agrees, both_sides, cases, glow, lamp, square, stage
+from .reading import CUBE, add, material, polygons
 
-FEATURE = pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Light linking")
-SLOW = pytest.mark.slow
+FEATURE = pytest.mark.feature(PICTURE, area="Light linking")
 WIDE = {'POINT': {"shadow_soft_size": 0.3}, 'AREA': {"size": 0.8}, 'SUN': {"angle": 0.2}}
 
 
@@ -47,16 +46,13 @@ def boxes() -> tuple[Any, Any, Any]:
     return bpy.data.objects["Floor"], box, other
 
 
-def key(kind: str) -> Any:
-    return lamp(kind, (-0.6, -1, 2.5), (0.2, 0.2, 0), **WIDE[kind])
+def key(kind: str, **properties: Any) -> Any:
+    return lamp(kind, (-0.6, -1, 2.5), (0.2, 0.2, 0), **{**WIDE[kind], **properties})
 
 
-def one(how: str, of_light: str, include: bool) -> Callable[[], None]:
-    def build() -> None:
-        _, box, _ = boxes()
-        linked(key(of_light), how, box, include=include)
-
-    return build
+def one(how: str, of_light: str, include: bool) -> None:
+    _, box, _ = boxes()
+    linked(key(of_light), how, box, include=include)
 
 
 def both_kinds() -> None:
@@ -69,8 +65,8 @@ def both_kinds() -> None:
 
 def glows() -> None:
     floor, box, _ = boxes()
-    panel = add("Panel", glowing(polygons("Panel", *SQUARE), 20.0))
-    panel.location, panel.scale, panel.rotation_euler = (-0.3, -0.9, 1.6), (0.3,) * 3, (0.2, 0.1, 0)
+    place = {"location": (-0.3, -0.9, 1.6), "rotation_euler": (0.2, 0.1, 0)}
+    panel = square("Panel", glow(20.0), **place, scale=(0.3,) * 3)
     linked(panel, "receiver", floor)
     linked(panel, "blocker", box, include=False)
 
@@ -79,7 +75,7 @@ def glossy() -> None:
     """Links of what closures reflect, however it is sampled."""
     floor, box, other = boxes()
     for each in (floor, box, other):
-        each.data.materials[0] = material("Coat", "ShaderNodeBsdfGlossy", Roughness=0.3)
+        each.data.materials[0] = material("Coat", "BsdfGlossy", Roughness=0.3)
     light = key('AREA')
     linked(light, "receiver", box, include=False)
     linked(light, "blocker", other, include=False)
@@ -93,21 +89,21 @@ def instanced() -> None:
     for member in (other, light):
         bpy.context.scene.collection.objects.unlink(member)
         source.objects.link(member)
-    hosts = [add(f"Host {k}", None, location=(0.9 * k, 0.1, 0)) for k in range(2)]
+    hosts = [add(f"Host {k}", location=(0.9 * k, 0.1, 0)) for k in range(2)]
     for host in hosts:
         host.instance_type, host.instance_collection = 'COLLECTION', source
     linked(light, "receiver", hosts[1], box, include=False)
     linked(light, "blocker", hosts[0])
 
 
-CASES = {
-    "receivers-included": one("receiver", 'POINT', True),
-    "receivers-excluded": one("receiver", 'SUN', False),
-    "blockers-included": one("blocker", 'POINT', True),
-    "blockers-excluded": one("blocker", 'AREA', False),
-    "sun-blockers-included": one("blocker", 'SUN', True),
-    "sun-blockers-excluded": one("blocker", 'SUN', False),
-    "area-blockers-included": one("blocker", 'AREA', True),
+CASES: dict[str, Callable[[], None]] = {
+    "receivers-included": partial(one, "receiver", 'POINT', True),
+    "receivers-excluded": partial(one, "receiver", 'SUN', False),
+    "blockers-included": partial(one, "blocker", 'POINT', True),
+    "blockers-excluded": partial(one, "blocker", 'AREA', False),
+    "sun-blockers-included": partial(one, "blocker", 'SUN', True),
+    "sun-blockers-excluded": partial(one, "blocker", 'SUN', False),
+    "area-blockers-included": partial(one, "blocker", 'AREA', True),
     "receivers-and-blockers": both_kinds,
     "emitting-mesh": glows,
     "instances": instanced,
@@ -117,36 +113,35 @@ QUICK = ("receivers-included", "blockers-excluded", "emitting-mesh", "instances"
 
 
 def test_meters_have_the_lights_that_light_what_is_not_named() -> None:
-    one("receiver", 'POINT', True)()
+    one("receiver", 'POINT', True)
     meter = LuxMeter(read_scene(bpy.context.scene), efficacy=1.0)
     readings = meter.read(np.array([[-1.5, -1.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
     found = dict(zip(meter.names, readings.lights[0], strict=True))
     assert found["Point"] > 0.0 and found["Point.001"] == 0.0
 
 
-@SLOW
+@pytest.mark.slow
 @FEATURE
 @pytest.mark.parametrize("kind", ['SUN', 'AREA'], ids=["sun-without-mis", "area-without-mis"])
 def test_cycles_loses_light_that_it_finds_by_the_surface(kind: str) -> None:
     """Behind what does not shadow a light; without Multiple Importance it finds none so."""
     _, box, _ = boxes()
-    data = {'SUN': {"angle": 2.5}, 'AREA': {"size": 3.0}}[kind]
-    light = lamp(kind, (-0.6, -1, 2.5), (0.2, 0.2, 0), **data)
+    light = key(kind, **({"angle": 2.5} if kind == 'SUN' else {"size": 3.0}))
     linked(light, "blocker", box)
-    sides = both_sides(SIZE)
+    sides = both_sides(**FINE)
     assert [f.object for f in sides.scene.findings if f.code == "shadow-linking"] == [light.name]
     lost, error = sides.energy()
     assert lost < -5 * error
     light.data.cycles.use_multiple_importance_sampling = False
-    sides = both_sides(SIZE, samples=128)
+    sides = both_sides(**FINE, samples=128)
     agrees(sides)
     assert not sides.scene.findings
 
 
 @FEATURE
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=SLOW) for n in CASES])
+@pytest.mark.parametrize("name", cases(CASES, QUICK))
 def test_links_are_those_of_cycles(name: str) -> None:
     CASES[name]()
-    sides = both_sides(SIZE)
+    sides = both_sides(**({} if name in QUICK else FINE))
     assert sides.scene.linking
     agrees(sides)

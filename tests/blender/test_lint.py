@@ -7,22 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+import bpy
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
-
-from .promised import (  # noqa: E402
-    inside,
-    link,
-    panel,
-    point,
-    save,
-    square,
-    stage,
-    world,
-)
-from .reading import material  # noqa: E402
+from .promised import inside, panel, point, save, sky, square, stage
+from .reading import add, light, material, put
 
 HARMLESS = {
     "sample_clamp_indirect": 0.0,
@@ -47,10 +36,8 @@ BIASED: dict[str, Any] = {
 
 def quiet() -> Any:
     scene = stage()
-    for name, value in HARMLESS.items():
-        setattr(scene.cycles, name, value)
-    image = scene.render.image_settings
-    image.file_format, image.color_depth = 'OPEN_EXR', '32'
+    put(scene.cycles, **HARMLESS)
+    put(scene.render.image_settings, file_format='OPEN_EXR', color_depth='32')
     point()
     return scene
 
@@ -82,24 +69,18 @@ def test_blenders_own_defaults_warn_and_are_no_errors(tmp_path: Path) -> None:
 
 def test_every_bias_is_named_with_its_effect(tmp_path: Path) -> None:
     scene = quiet()
-    for name, value in BIASED.items():
-        setattr(scene.cycles, name, value)
+    put(scene.cycles, **BIASED)
     scene.unit_settings.scale_length = 0.5
     scene.render.use_simplify, scene.render.resolution_percentage = True, 50
     scene.view_layers[0].material_override = bpy.data.materials["Floor"]
-    lamp = bpy.data.lights.new("Cone", 'SPOT')
-    lamp.energy, lamp.spot_size, lamp.spot_blend = -1.0, math.pi / 3, 0.0
-    link("Cone", lamp, (0, 0, 1))
+    cone = {"energy": -1.0, "spot_size": math.pi / 3, "spot_blend": 0.0}
+    light('SPOT', "Cone", location=(0, 0, 1), **cone)
     point("Soft", (1, 0, 1), radius=0.5, soft=True)
-    parent = link("Askew", None)
-    parent.scale = (2, 1, 1)
-    fill = panel()
-    fill.parent, fill.rotation_euler.z = parent, 0.7
-    world("World", (0.05087609,) * 3)
-    driven = point("Driven").data
-    driven.energy = 0.0
-    driver = driven.driver_add("energy").driver
-    driver.type, driver.expression = 'SCRIPTED', "[5 for x in (1,)][0]"
+    fill = panel(parent=add("Askew", scale=(2, 1, 1)))
+    fill.rotation_euler.z = 0.7
+    sky("World", (0.05087609,) * 3)
+    driven = point("Driven", energy=0.0).data
+    put(driven.driver_add("energy").driver, type='SCRIPTED', expression="[5 for x in (1,)][0]")
     code, found = lint(save(tmp_path / "biased.blend"))
     assert code == 1
     errors = {
@@ -151,7 +132,7 @@ def test_glass_is_named_with_the_light_that_it_stops(tmp_path: Path, verb: str) 
     lamp = bpy.data.objects["Key"]
     lamp.location = (0, 0, 2)
     pane = square("Pane", 20.0, (20.0, 0, 1.999))
-    pane.data.materials[0] = material("Glass", "ShaderNodeBsdfGlass")
+    pane.data.materials[0] = material("Glass", "BsdfGlass")
     pane.visible_camera = False
     run = inside(verb, save(tmp_path / "glass.blend"), "--json", "--threads", 1)
     (found,) = (f for f in run.document["findings"] if f["code"] == "glass-blocks-light")

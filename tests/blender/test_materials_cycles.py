@@ -4,20 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
-from .agreement import both_sides, lamp, look_at
-from .reading import SQUARE, add, empty_scene, material, node, polygons, sphere
-from .test_features_cycles import SIZE, agrees, stage
-from .test_textures_cycles import picture, with_uv
+from .agreement import FINE, PICTURE, agrees, both_sides, cases, lamp, look_at, square, stage
+from .reading import add, empty_scene, material, node, put, shows, sphere
+from .test_textures_cycles import lit_by, picture, with_uv
 
-DIFFUSE, GLOSSY = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfAnisotropic"
-PRINCIPLED, TRANSPARENT = "ShaderNodeBsdfPrincipled", "ShaderNodeBsdfTransparent"
-SLOW = pytest.mark.slow
+DIFFUSE, GLOSSY = "BsdfDiffuse", "BsdfAnisotropic"
+PRINCIPLED, TRANSPARENT = "BsdfPrincipled", "BsdfTransparent"
 SIDE = 24  # pixels a ball
 NORMALS = 0.0035  # median over a shape's pixels, of vectors: its outline is sampled by both sides
 Wiring = Callable[[Any], Any]  # from a node tree to the shader that it is to show
@@ -33,19 +32,11 @@ def mapped(name: str) -> Any:
     return mesh
 
 
-def shows(wire: Wiring) -> Any:
-    """A material of what `wire` returns."""
-    created = material("Shown", DIFFUSE)
-    tree = created.node_tree
-    tree.links.new(wire(tree).outputs[0], tree.get_output_node('CYCLES').inputs[0])
-    return created
-
-
 def scene(wire: Wiring, *, alone: bool = False) -> Any:
     """A ball of a material on a floor, of the same unless the ball is `alone` in it."""
     box = stage(location=(0.1, 0.0, 0.8), scale=(0.8,) * 3)
     box.data = mapped("Ball")
-    box.data.materials[0] = shown = shows(wire)
+    box.data.materials[0] = shown = material("Shown", wire)
     floor = with_uv(bpy.data.objects["Floor"].data)
     floor.materials[0] = material("Plain", DIFFUSE) if alone else shown
     lamp('POINT', (-1.5, -2.2, 2.9), shadow_soft_size=0.15)
@@ -53,47 +44,47 @@ def scene(wire: Wiring, *, alone: bool = False) -> Any:
 
 
 def noise(tree: Any, scale: float = 3.0, kind: str = "Noise") -> Any:
-    made = node(tree, f"ShaderNodeTex{kind}")
-    made.inputs["Scale"].default_value = scale
-    return made
+    return node(tree, f"Tex{kind}", Scale=scale)
 
 
-def linked(kind: str, **sources: Callable[[Any], Any]) -> Wiring:
-    """A closure whose sockets get what functions of the tree give."""
+def closure(kind: str, socket: str = "", source: Wiring = noise) -> Wiring:
+    """A closure, of which a socket gets what a function of the tree gives."""
 
     def wire(tree: Any) -> Any:
         made = node(tree, kind)
-        for name, source in sources.items():
-            tree.links.new(source(tree), made.inputs[name.replace("_", " ")])
+        if socket:
+            given = source(tree)
+            tree.links.new(getattr(given, "outputs", [given])[0], made.inputs[socket])
         return made
 
     return wire
 
 
 def bumped(tree: Any) -> Any:
-    bump = node(tree, "ShaderNodeBump")
-    bump.inputs["Distance"].default_value = 0.3
+    bump = node(tree, "Bump", Distance=0.3)
     tree.links.new(noise(tree).outputs[0], bump.inputs["Height"])
-    return bump.outputs[0]
+    return bump
 
 
 def normal_map(space: str = 'TANGENT', strength: float = 0.6, convention: str = "") -> Wiring:
     def wire(tree: Any) -> Any:
-        image = node(tree, "ShaderNodeTexImage")
-        image.image = picture(2, 3, 2, is_data=True)
-        made = node(tree, "ShaderNodeNormalMap", Strength=strength)
-        made.space = space
+        image = node(tree, "TexImage", image=picture(2, 3, 2, is_data=True))
+        made = node(tree, "NormalMap", Strength=strength, space=space)
         if convention and bpy.app.version >= (5, 0):
             made.convention = convention
         tree.links.new(image.outputs[0], made.inputs["Color"])
-        return made.outputs[0]
+        return made
 
     return wire
 
 
+def tangent(direction: str, axis: str = 'X') -> Wiring:
+    return lambda tree: node(tree, "Tangent", direction_type=direction, axis=axis)
+
+
 def mixed(tree: Any) -> Any:
     first, second = node(tree, DIFFUSE), node(tree, GLOSSY, Roughness=0.4)
-    return node(tree, "ShaderNodeMixShader", noise(tree).outputs[0], first, second)
+    return node(tree, "MixShader", noise(tree), first, second)
 
 
 def grouped(tree: Any) -> Any:
@@ -101,37 +92,24 @@ def grouped(tree: Any) -> Any:
     group = bpy.data.node_groups.new("Paint", 'ShaderNodeTree')
     group.interface.new_socket("Scale", in_out='INPUT', socket_type='NodeSocketFloat')
     group.interface.new_socket("Out", in_out='OUTPUT', socket_type='NodeSocketShader')
-    pattern, start = noise(group), node(group, "NodeGroupInput")
-    group.links.new(start.outputs[0], pattern.inputs["Scale"])
+    pattern = node(group, "TexNoise")
+    group.links.new(node(group, "NodeGroupInput").outputs[0], pattern.inputs["Scale"])
     paint = node(group, DIFFUSE)
     group.links.new(pattern.outputs[1], paint.inputs["Color"])
     node(group, "NodeGroupOutput", paint)
-    both: list[Any] = []
-    for scale in (2.0, 5.0):
-        both.append(node(tree, "ShaderNodeGroup"))
-        both[-1].node_tree = group
-        both[-1].inputs[0].default_value = scale
-    half = node(tree, "ShaderNodeValue")
-    half.outputs[0].default_value = 0.5
-    return node(tree, "ShaderNodeMixShader", half, *both)
+    both = [node(tree, "Group", node_tree=group, Scale=scale) for scale in (2.0, 5.0)]
+    return node(tree, "MixShader", 0.5, *both)
 
 
-def displaced(build: Callable[[], Any]) -> Callable[[], None]:
+def displaced(build: Callable[[], Any]) -> None:
     """What bends normals by displacement alone."""
-
-    def bend() -> None:
-        tree = build().node_tree
-        height = node(tree, "ShaderNodeDisplacement", noise(tree).outputs[0], Scale=0.3)
-        output = tree.get_output_node('CYCLES')
-        tree.links.new(height.outputs[0], output.inputs["Displacement"])
-
-    return bend
+    tree = build().node_tree
+    shows(tree, node(tree, "Displacement", noise(tree), Scale=0.3), "Displacement")
 
 
 def leaf(tree: Any, alpha: bool = True) -> Any:
     """Principled with an image for its alpha, or transparent with one for its colour."""
-    image = node(tree, "ShaderNodeTexImage")
-    image.image = picture(3, 6, 6, alpha=True)
+    image = node(tree, "TexImage", image=picture(3, 6, 6, alpha=True))
     made = node(tree, PRINCIPLED if alpha else TRANSPARENT)
     tree.links.new(image.outputs[alpha], made.inputs["Alpha" if alpha else "Color"])
     return made
@@ -140,36 +118,29 @@ def leaf(tree: Any, alpha: bool = True) -> Any:
 def leaves(alpha: bool) -> None:
     """See-through squares behind each other, before the camera and before the lamp."""
     stage()
-    mesh = with_uv(polygons("Leaf", *SQUARE))
-    mesh.materials[0] = shows(lambda tree: leaf(tree, alpha))
+    shown = material("Shown", partial(leaf, alpha=alpha))
     for k in range(2):
         place = {"location": (-0.4 - 0.2 * k, -0.9 + 0.6 * k, 0.9 + 0.4 * k)}
-        add(f"Leaf {k}", mesh, **place, scale=(0.6, 0.6, 1), rotation_euler=(0.6, 0.2 * k, 0))
+        turned = {"scale": (0.6, 0.6, 1), "rotation_euler": (0.6, 0.2 * k, 0)}
+        with_uv(square(f"Leaf {k}", shown, **place, **turned).data)
     lamp('POINT', (-1, -1.2, 2.9), shadow_soft_size=0.1)
 
 
 def coated_glow(tree: Any) -> Any:
-    glow = {
-        "Emission_Strength": 0.4,
-        "Emission_Color": (1, 0.6, 0.3, 1),
-        "Base_Color": (0, 0, 0, 1),
-    }
-    return node(tree, PRINCIPLED, Coat_Weight=0.8, Coat_Tint=(0.4, 0.8, 0.6, 1), **glow)
+    glow = {"Emission_Strength": 0.4, "Emission_Color": (1, 0.6, 0.3), "Base_Color": (0, 0, 0)}
+    return node(tree, PRINCIPLED, Coat_Weight=0.8, Coat_Tint=(0.4, 0.8, 0.6), **glow)
 
 
 def brushed(tree: Any) -> Any:
-    tangent = node(tree, "ShaderNodeTangent")
-    tangent.direction_type = 'UV_MAP'
     made = node(tree, GLOSSY, Roughness=0.5, Anisotropy=0.7)
-    tree.links.new(tangent.outputs[0], made.inputs["Tangent"])
+    tree.links.new(tangent('UV_MAP')(tree).outputs[0], made.inputs["Tangent"])
     return made
 
 
 def cut() -> None:
     """A border that leaves a sliver of the ball in a dark tile."""
-    scene(linked(PRINCIPLED, Normal=bumped))
-    render = bpy.context.scene.render
-    render.use_border, render.border_max_x, render.border_max_y = True, 0.9, 0.8
+    scene(closure(PRINCIPLED, "Normal", bumped))
+    put(bpy.context.scene.render, use_border=True, border_max_x=0.9, border_max_y=0.8)
 
 
 def bare() -> None:
@@ -180,67 +151,60 @@ def bare() -> None:
     lamp('POINT', (-1, -1.2, 2.5), shadow_soft_size=0.1)
 
 
+NOISY = closure(DIFFUSE, "Color", lambda tree: noise(tree).outputs[1])
 SCENES: dict[str, Callable[[], object]] = {
-    "colour": lambda: scene(linked(DIFFUSE, Color=lambda t: noise(t).outputs[1])),
-    "bump": lambda: scene(linked(PRINCIPLED, Normal=bumped)),
-    "normal map": lambda: scene(linked(PRINCIPLED, Normal=normal_map())),
-    "leaves": lambda: leaves(alpha=True),
-    "roughness": lambda: scene(
-        linked(GLOSSY, Roughness=lambda t: noise(t, 4.0, "Voronoi").outputs[0])
-    ),
-    "diffuse bump": lambda: scene(linked(DIFFUSE, Normal=bumped)),
-    "displacement bump": displaced(lambda: scene(linked(DIFFUSE))),
-    "displacement gloss": displaced(lambda: scene(linked(PRINCIPLED))),
-    "mix": lambda: scene(mixed),
-    "groups": lambda: scene(grouped),
-    "coloured panes": lambda: leaves(alpha=False),
-    "glow under a coat": lambda: scene(coated_glow, alone=True),
-    "brushed": lambda: scene(brushed),
+    "colour": partial(scene, NOISY),
+    "bump": partial(scene, closure(PRINCIPLED, "Normal", bumped)),
+    "normal map": partial(scene, closure(PRINCIPLED, "Normal", normal_map())),
+    "leaves": partial(leaves, alpha=True),
+    "roughness": partial(scene, closure(GLOSSY, "Roughness", lambda t: noise(t, 4.0, "Voronoi"))),
+    "diffuse bump": partial(scene, closure(DIFFUSE, "Normal", bumped)),
+    "displacement bump": partial(displaced, partial(scene, closure(DIFFUSE))),
+    "displacement gloss": partial(displaced, partial(scene, closure(PRINCIPLED))),
+    "mix": partial(scene, mixed),
+    "groups": partial(scene, grouped),
+    "coloured panes": partial(leaves, alpha=False),
+    "glow under a coat": partial(scene, coated_glow, alone=True),
+    "brushed": partial(scene, brushed),
     "empty slots": bare,
     "border": cut,
 }
-QUICK = ("colour", "bump", "leaves")
+QUICK = ("colour", "bump", "leaves", "empty slots")
 
 
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=SLOW) for n in SCENES])
+def wiring() -> dict[str, Any]:
+    return {
+        m.name: [(n.name, [s.is_linked for s in n.inputs]) for n in m.node_tree.nodes]
+        for m in bpy.data.materials
+    }
+
+
+@pytest.mark.feature(PICTURE, area="Materials")
+@pytest.mark.parametrize("name", cases(SCENES, QUICK))
 def test_surfaces_are_those_of_cycles(name: str) -> None:
     SCENES[name]()
-    trees = {m.name: [(n.name, [s.is_linked for s in n.inputs]) for n in m.node_tree.nodes]
-             for m in bpy.data.materials}  # fmt: skip
-    sides = both_sides(SIZE, **({"ours": 64, "samples": 32} if name in QUICK else {}))
+    before = wiring()
+    sides = both_sides(**({"seeds": 8, "samples": 32} if name in QUICK else FINE))
     assert not sides.scene.unsupported
     agrees(sides)
-    for shown, nodes in trees.items():
-        now = bpy.data.materials[shown].node_tree.nodes
-        assert nodes == [(n.name, [s.is_linked for s in n.inputs]) for n in now]
+    assert wiring().items() >= before.items()
 
 
 def test_what_is_measured_is_known_where_the_camera_looks_first() -> None:
     """Behind glass and out of focus it is left out."""
-    scene(linked(DIFFUSE, Color=lambda t: noise(t).outputs[1]))
-    clear = polygons("Pane", *SQUARE)
-    clear.materials[0] = material("Pane", TRANSPARENT)
+    scene(NOISY)
     place = {"location": (0.5, -2.0, 1.5), "scale": (0.4, 0.4, 1), "rotation_euler": (1.2, 0, 0)}
-    add("Pane", clear, **place)
-    film = both_sides(SIZE, ours=2, seeds=1, samples=1).film
+    square("Pane", material("Pane", TRANSPARENT), **place)
+    film = both_sides(ours=2, seeds=1, samples=1).film
     (behind,) = film.excluded_by
     assert behind.feature == "Measured sockets behind transparent surfaces"
     assert 0.02 < film.excluded.mean() < 0.5
     bpy.context.scene.camera.data.dof.use_dof = True
-    (unknown,) = both_sides(SIZE, ours=2, seeds=1, samples=1).scene.unsupported
+    (unknown,) = both_sides(ours=2, seeds=1, samples=1).scene.unsupported
     assert unknown.feature == "Diffuse BSDF"
 
 
 # --- normals and tangents -------------------------------------------------------------------------
-
-
-def tangent(direction: str, axis: str = 'X') -> Wiring:
-    def wire(tree: Any) -> Any:
-        made = node(tree, "ShaderNodeTangent")
-        made.direction_type, made.axis = direction, axis
-        return made.outputs[0]
-
-    return wire
 
 
 VECTORS: dict[str, Wiring] = {
@@ -253,26 +217,26 @@ VECTORS: dict[str, Wiring] = {
     "Blender's world": normal_map('BLENDER_WORLD', 1.3),
     **{f"around {axis}": tangent('RADIAL', axis) for axis in "XYZ"},
     "along the map": tangent('UV_MAP'),
-    "of the surface": lambda tree: node(tree, "ShaderNodeNewGeometry").outputs["Tangent"],
+    "of the surface": lambda tree: node(tree, "NewGeometry").outputs["Tangent"],
 }
+
+
+def show(name: str, wire: Wiring, column: int, row: int) -> None:
+    """A ball, flat in the upper row, that shows what a node gives."""
+    mesh = sphere("Ball") if name == "without a map" else mapped("Ball")
+    if row:
+        mesh.shade_flat()
+    mesh.materials[0] = material("Show", lambda tree: lit_by(tree, wire(tree)))
+    place = {"location": (column + 0.5, row + 0.5, 0), "scale": (0.5, (-1) ** column * 0.5, 0.7)}
+    add("Ball", mesh, visible_diffuse=False, **place, rotation_euler=(0.5, 0.3 * column, 0.2))
 
 
 def test_normals_and_tangents_are_those_of_cycles() -> None:
     """A row of smooth balls and one of flat ones, some mirrored, that show 1 + 0.3 of a vector."""
     empty_scene()
-    for k, (name, wire) in enumerate(VECTORS.items()):
+    for column, (name, wire) in enumerate(VECTORS.items()):
         for row in (0, 1):
-            mesh = sphere("Ball") if name == "without a map" else mapped("Ball")
-            if row:
-                mesh.shade_flat()
-            mesh.materials[0] = created = material("Show", "ShaderNodeEmission")
-            tree = created.node_tree
-            shown = node(tree, "ShaderNodeVectorMath", wire(tree))
-            shown.operation = 'MULTIPLY_ADD'
-            shown.inputs[1].default_value, shown.inputs[2].default_value = (0.3,) * 3, (1.0,) * 3
-            tree.links.new(shown.outputs[0], tree.nodes["Emission"].inputs["Color"])
-            turned = {"scale": (0.5, (-1) ** k * 0.5, 0.7), "rotation_euler": (0.5, 0.3 * k, 0.2)}
-            add("Ball", mesh, location=(k + 0.5, row + 0.5, 0), visible_diffuse=False, **turned)
+            show(name, wire, column, row)
     middle = (0.5 * len(VECTORS), 1.0)
     look_at((*middle, 0), (*middle, 5), type='ORTHO', ortho_scale=2.0 * middle[0])
     bpy.context.scene.camera.rotation_euler = (0, 0, 0)

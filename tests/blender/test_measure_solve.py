@@ -17,15 +17,14 @@ from . import reading
 from .promised import (
     exr,
     inside,
-    link,
     panel,
     point,
     refused,
     save,
     scene_file,
+    sky,
     square,
     stage,
-    world,
 )
 
 KM = 683.002
@@ -34,7 +33,7 @@ PROMISE = 1e-3
 
 def empty(name: str, at: tuple[float, float, float], tilt: float = 0.0) -> Any:
     """An empty that looks up, or tilted towards +X."""
-    made = link(name, None, at)
+    made = reading.add(name, location=at)
     made.rotation_euler = (0.0, tilt, 0.0)
     return made
 
@@ -75,9 +74,9 @@ def test_grid_object_hidden_and_turned(tmp_path: Path) -> None:
     """A mesh of 2 × 1 m, 1 m before a lamp, facing it; excluded, moved by a parent, less 0.25 m."""
     stage()
     point("Lamp", (5.0, 0.0, 1.0), 100.0)
-    mesh = bpy.data.meshes.new("Task")
-    mesh.from_pydata([(-2, -0.5, 0), (2, -0.5, 0), (2, 0.5, 0), (-2, 0.5, 0)], [], [(0, 1, 2, 3)])
-    task, parent = bpy.data.objects.new("Task", mesh), link("Parent", None, (4.0, 0.0, 1.0))
+    corners = [(-2, -0.5, 0), (2, -0.5, 0), (2, 0.5, 0), (-2, 0.5, 0)]
+    task = bpy.data.objects.new("Task", reading.polygons("Task", corners, [(0, 1, 2, 3)]))
+    parent = reading.add("Parent", location=(4.0, 0.0, 1.0))
     task.parent, task.scale, task.rotation_euler = parent, (0.5, 1, 1), (0, math.pi / 2, 0)
     reading.collection("Away").objects.link(task)
     bpy.context.view_layer.layer_collection.children["Away"].exclude = True
@@ -116,7 +115,7 @@ def test_marked_meters_both_models_and_unit_scale(tmp_path: Path) -> None:
 def test_agrees_with_the_irradiance_layer_and_with_what_a_pixel_holds(tmp_path: Path) -> None:
     """Half in a board's shadow; the floor's radiance is albedo/π of its irradiance."""
     board = (-0.4, 0.0, 1.0)
-    parts = point, panel, lambda: square("Board", 0.3, board), lambda: world("Sky", (0.1, 0.2, 0.3))
+    parts = point, panel, lambda: square("Board", 0.3, board), lambda: sky("Sky", (0.1, 0.2, 0.3))
     file = scene_file(tmp_path, "both", *parts)
     out = tmp_path / "out.exr"
     blender_rad.render(file, output=out, samples=64, resolution=(25, 25))
@@ -185,15 +184,15 @@ def test_solve_round_trip(tmp_path: Path) -> None:
     stage()
     first = point("A", (-2.0, 0.0, 2.0), 50.0)
     first.data.exposure = 1.5
-    second = link("B", first.data, (2.0, 0.0, 2.0))
+    second = reading.add("B", first.data, location=(2.0, 0.0, 2.0))
     group = bpy.data.collections.new("Group")
     group.objects.link(second)
-    link("Twin", None, (0.0, 6.0, 0.0)).instance_collection = group
+    reading.add("Twin", location=(0.0, 6.0, 0.0)).instance_collection = group
     bpy.data.objects["Twin"].instance_type = "COLLECTION"
     glow = reading.material("Glow", 'ShaderNodeEmission', Strength=3.0)
     for name, y in (("C", -2.0), ("D", 2.0)):
         square(name, 0.5, (0.0, y, 2.0)).data.materials[0] = glow
-    world("Sky", (0.05, 0.05, 0.05))
+    sky("Sky", (0.05, 0.05, 0.05))
     targets = [(300.0, (-2, 0, 0)), (900.0, (2, 0, 0)), (700.0, (0, -2, 0)), (400.0, (0, 2, 0))]
     for k, (_, at) in enumerate(targets):
         empty(f"M{k}", at)
@@ -206,7 +205,7 @@ def test_solve_round_trip(tmp_path: Path) -> None:
     assert [row["name"] for row in solved["lights"]] == ["A", "B", "C", "D"]
     read = blender_rad.measure(out, meter=[name for name, _ in asked])
     np.testing.assert_allclose(lux(read), [wanted for _, wanted in asked], rtol=2e-3)
-    sky = {row["name"]: row["illuminance_lx"] for row in read["meters"][0]["lights"]}["World"]
+    before = {row["name"]: row["illuminance_lx"] for row in read["meters"][0]["lights"]}
     for row in solved["lights"][:2]:
         energies = [row["blender_energy"], 50.0 * row["factor"]]
         energy = bpy.data.objects[row["name"]].data.energy
@@ -215,7 +214,9 @@ def test_solve_round_trip(tmp_path: Path) -> None:
     assert solved["lights"][0]["blender_energy"] == pytest.approx(solved["lights"][0]["factor"])
     assert lux(blender_rad.measure(out, meter="M0")) == pytest.approx([3000.0], rel=2e-3)
     again = blender_rad.measure(file, meter="M0")["meters"][0]["lights"]
-    assert {r["name"]: r["illuminance_lx"] for r in again}["World"] == pytest.approx(sky, rel=5e-3)
+    assert {r["name"]: r["illuminance_lx"] for r in again}["World"] == pytest.approx(
+        before["World"], rel=5e-3
+    )
 
 
 def test_solve_refuses_what_it_cannot_set(tmp_path: Path) -> None:

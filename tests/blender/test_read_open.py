@@ -96,17 +96,6 @@ def test_libraries_name_what_is_ambiguous(tmp_path: Path) -> None:
     assert "missing-library" in {f.code for f in read_scene(open_scene(file)).findings}
 
 
-def test_gltf_is_imported(tmp_path: Path) -> None:
-    empty_scene()
-    add("Plane", polygons("Plane", *SQUARE))
-    file = tmp_path / "scene.glb"
-    bpy.ops.export_scene.gltf(filepath=str(file))
-    scene = read_scene(open_scene(file))
-    assert [i.name for i in scene.instances] == ["Plane"]
-    assert scene.file == str(file)
-    assert scene.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
-
-
 QUIET = """
 import sys
 from typing import Sequence

@@ -98,7 +98,7 @@ def test_engine_finds_the_answers_derived_on_paper(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_cycles_agrees_on_the_picture(name: str) -> None:
     bl_scene = saved(name)
-    ours = render(read_scene(bl_scene, resolution=(48, 32)), Settings(samples=64, threads=2))
+    ours = render(read_scene(bl_scene, resolution=(48, 32)), Settings(samples=32, threads=2))
     witness = CyclesWitness(bl_scene, resolution=(48, 32), threads=2)
     witness.prepare()
     theirs = np.mean([witness.render(seed, 16)[..., :3] for seed in range(4)], axis=0)

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,8 @@ import pytest
 from blender_rad.textures.arithmetic import OF_NUMBERS, OF_VECTORS
 from blender_rad.textures.colours import BLENDS
 
-from .agreement import TILE, both_sides, lamp, look_at
-from .reading import SQUARE, add, empty_scene, material, node, polygons, sphere
-from .test_features_cycles import agrees, stage
+from .agreement import FINE, PICTURE, TILE, agrees, both_sides, cases, lamp, look_at, square, stage
+from .reading import add, empty_scene, material, node, put, sphere, with_nodes
 
 COLUMNS = 12
 NODE = 0.004  # of a tile's mean: what is left are edges of steps, which both sides sample
@@ -35,13 +34,16 @@ def picture(seed: int = 1, width: int = 5, height: int = 4, **options: Any) -> A
     return image
 
 
-def textured(tree: Any, to: Any, place: Any, image: Any = None, **settings: Any) -> None:
-    """Put an image that lies at a `place` into a socket."""
-    found = node(tree, "ShaderNodeTexImage", *[place] * (place is not None))
-    found.image = image or picture()
-    for name, value in settings.items():
-        setattr(found, name, value)
+def textured(tree: Any, to: Any, place: Any, image: Any, **settings: Any) -> None:
+    """Put an image that lies at a `place`, or by the UV map, into a socket."""
+    found = node(tree, "TexImage", *[place] * (place is not None), image=image, **settings)
     tree.links.new(found.outputs[0], to)
+
+
+def colour_of(thing: Any) -> tuple[Any, Any]:
+    """Return the node tree of what is of Lambert, and the socket of its colour."""
+    tree = thing.data.materials[0].node_tree
+    return tree, tree.nodes["Diffuse BSDF"].inputs["Color"]
 
 
 def with_uv(mesh: Any) -> Any:
@@ -63,12 +65,10 @@ def varied(kind: str, *names: str, output: int | str = 0, **settings: Any) -> Wi
     lift = 2.5 if any(value in POLES for value in settings.values()) else 0.7
 
     def wire(tree: Any, uv: Any) -> Any:
-        made = tree.nodes.new(kind)
-        for name, value in settings.items():
-            setattr(made, name, value)
+        made = put(node(tree, kind), **settings)
         open_sockets = [s for s in made.inputs if s.enabled and (s.name in names or not names)]
         for k, socket in enumerate(open_sockets):
-            place = node(tree, "ShaderNodeMapping", uv)
+            place = node(tree, "Mapping", uv)
             place.inputs["Rotation"].default_value = (0.3 * k, 0.2, 0.7 + 0.9 * k)
             place.inputs["Location"].default_value = (lift, lift - 0.3 + 0.3 * k, lift)
             tree.links.new(place.outputs[0], socket)
@@ -81,28 +81,24 @@ def varied(kind: str, *names: str, output: int | str = 0, **settings: Any) -> Wi
 
 def ramp(interpolation: str) -> Wiring:
     def wire(tree: Any, uv: Any) -> Any:
-        made = node(tree, "ShaderNodeValToRGB", uv)
+        made = node(tree, "ValToRGB", uv)
         made.color_ramp.interpolation = interpolation
         made.color_ramp.elements.new(0.4).color = (0.9, 0.2, 0.1, 1)
-        return made.outputs[0]
+        return made
 
     return wire
 
 
 def curve(kind: str, socket: str) -> Wiring:
     def wire(tree: Any, uv: Any) -> Any:
-        made = tree.nodes.new(kind)
+        made = node(tree, kind)
         for k, each in enumerate(made.mapping.curves):
             each.points.new(0.3 + 0.1 * k, 0.6)
         made.mapping.update()
         tree.links.new(uv.outputs[0], made.inputs[socket])
-        return made.outputs[0]
+        return made
 
     return wire
-
-
-def blackbody(tree: Any, uv: Any) -> Any:
-    return node(tree, "ShaderNodeBlackbody", Temperature=3400.0).outputs[0]
 
 
 def source(kind: str, output: str, **settings: Any) -> Wiring:
@@ -111,70 +107,68 @@ def source(kind: str, output: str, **settings: Any) -> Wiring:
 
 def interpolated(interpolation: str, extension: str, **options: Any) -> Wiring:
     def wire(tree: Any, uv: Any) -> Any:
-        place = node(tree, "ShaderNodeMapping", uv, Location=(-0.6, -0.7, 0), Scale=(2.3, 2.1, 1))
-        image = picture(4, **options)
-        made = node(tree, "ShaderNodeTexImage", place)
-        made.image, made.interpolation, made.extension = image, interpolation, extension
-        return made.outputs[0]
+        place = node(tree, "Mapping", uv, Location=(-0.6, -0.7, 0), Scale=(2.3, 2.1, 1))
+        settings = {"interpolation": interpolation, "extension": extension}
+        return node(tree, "TexImage", place, image=picture(4, **options), **settings)
 
     return wire
 
 
 NODES: dict[str, Wiring] = {
-    **{f"math {o}": varied("ShaderNodeMath", operation=o) for o in OF_NUMBERS},
-    **{f"vector {o}": varied("ShaderNodeVectorMath", operation=o) for o in [*OF_VECTORS, "SCALE"]},
-    **{f"mix {b}": varied("ShaderNodeMix", data_type='RGBA', blend_type=b) for b in BLENDS},
-    "mix float": varied("ShaderNodeMix", clamp_factor=False),
-    "mix vector": varied("ShaderNodeMix", data_type='VECTOR', factor_mode='NON_UNIFORM'),
+    **{f"math {o}": varied("Math", operation=o) for o in OF_NUMBERS},
+    **{f"vector {o}": varied("VectorMath", operation=o) for o in [*OF_VECTORS, "SCALE"]},
+    **{f"mix {b}": varied("Mix", data_type='RGBA', blend_type=b) for b in BLENDS},
+    "mix float": varied("Mix", clamp_factor=False),
+    "mix vector": varied("Mix", data_type='VECTOR', factor_mode='NON_UNIFORM'),
     **{
-        f"range {t} {d}": varied("ShaderNodeMapRange", interpolation_type=t, data_type=d)
+        f"range {t} {d}": varied("MapRange", interpolation_type=t, data_type=d)
         for t in ("LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP")
         for d in ("FLOAT", "FLOAT_VECTOR")
     },
     **{
-        f"mapping {t}": varied("ShaderNodeMapping", vector_type=t)
+        f"mapping {t}": varied("Mapping", vector_type=t)
         for t in ("POINT", "TEXTURE", "VECTOR", "NORMAL")
     },
     **{
-        f"gradient {t}": varied("ShaderNodeTexGradient", gradient_type=t)
+        f"gradient {t}": varied("TexGradient", gradient_type=t)
         for t in ("LINEAR", "QUADRATIC", "EASING", "DIAGONAL", "RADIAL", "QUADRATIC_SPHERE")
     },
     **{f"ramp {i}": ramp(i) for i in ("LINEAR", "EASE", "CONSTANT", "B_SPLINE")},
-    "rgb curves": curve("ShaderNodeRGBCurve", "Color"),
-    "vector curves": curve("ShaderNodeVectorCurve", "Vector"),
-    "float curve": curve("ShaderNodeFloatCurve", "Value"),
-    "checker": varied("ShaderNodeTexChecker", "Vector"),
-    "hue": varied("ShaderNodeHueSaturation"),
-    "gamma": varied("ShaderNodeGamma"),
-    "bright": varied("ShaderNodeBrightContrast"),
-    "invert": varied("ShaderNodeInvert"),
-    "grey": varied("ShaderNodeRGBToBW"),
-    "clamp": varied("ShaderNodeClamp"),
-    "clamp range": varied("ShaderNodeClamp", clamp_type='RANGE'),
-    "normal": varied("ShaderNodeNormal", output="Dot"),
+    "rgb curves": curve("RGBCurve", "Color"),
+    "vector curves": curve("VectorCurve", "Vector"),
+    "float curve": curve("FloatCurve", "Value"),
+    "checker": varied("TexChecker", "Vector"),
+    "hue": varied("HueSaturation"),
+    "gamma": varied("Gamma"),
+    "bright": varied("BrightContrast"),
+    "invert": varied("Invert"),
+    "grey": varied("RGBToBW"),
+    "clamp": varied("Clamp"),
+    "clamp range": varied("Clamp", clamp_type='RANGE'),
+    "normal": varied("Normal", output="Dot"),
     **{
-        f"{way} {mode}": varied(f"ShaderNode{way}Color", mode=mode, output=k)
+        f"{way} {mode}": varied(f"{way}Color", mode=mode, output=k)
         for way, k in (("Separate", 0), ("Separate", 1), ("Separate", 2), ("Combine", 0))
         for mode in ("RGB", "HSV")
     },
-    "separate": varied("ShaderNodeSeparateXYZ", output="Y"),
-    "combine": varied("ShaderNodeCombineXYZ"),
-    "blackbody": blackbody,
-    "fresnel": varied("ShaderNodeFresnel", "IOR"),
-    "layer fresnel": varied("ShaderNodeLayerWeight", "Blend", output="Fresnel"),
-    "layer facing": varied("ShaderNodeLayerWeight", "Blend", output="Facing"),
-    **{f"geometry {o}": source("ShaderNodeNewGeometry", o) for o in ("Position", "Incoming")},
-    **{f"side {o}": source("ShaderNodeNewGeometry", o) for o in ("Normal", "Parametric")},
+    "separate": varied("SeparateXYZ", output="Y"),
+    "combine": varied("CombineXYZ"),
+    "blackbody": lambda tree, _: node(tree, "Blackbody", Temperature=3400.0),
+    "fresnel": varied("Fresnel", "IOR"),
+    "layer fresnel": varied("LayerWeight", "Blend", output="Fresnel"),
+    "layer facing": varied("LayerWeight", "Blend", output="Facing"),
+    **{f"geometry {o}": source("NewGeometry", o) for o in ("Position", "Incoming")},
+    **{f"side {o}": source("NewGeometry", o) for o in ("Normal", "Parametric")},
     **{
-        f"coordinate {o}": source("ShaderNodeTexCoord", o)
+        f"coordinate {o}": source("TexCoord", o)
         for o in ("Generated", "Normal", "UV", "Object", "Reflection")
     },
-    "uv map": source("ShaderNodeUVMap", "UV", uv_map="Map"),
-    "uv as attribute": source("ShaderNodeAttribute", "Vector", attribute_name="Map"),
-    "colours": source("ShaderNodeVertexColor", "Color", layer_name="Paint"),
-    "colour of a name": source("ShaderNodeAttribute", "Fac", attribute_name="Paint"),
-    "no attribute": source("ShaderNodeAttribute", "Color", attribute_name="None"),
-    "location": source("ShaderNodeObjectInfo", "Location"),
+    "uv map": source("UVMap", "UV", uv_map="Map"),
+    "uv as attribute": source("Attribute", "Vector", attribute_name="Map"),
+    "colours": source("VertexColor", "Color", layer_name="Paint"),
+    "colour of a name": source("Attribute", "Fac", attribute_name="Paint"),
+    "no attribute": source("Attribute", "Color", attribute_name="None"),
+    "location": source("ObjectInfo", "Location"),
     **{
         f"image {i} {e}": interpolated(i, e)
         for i, e in (
@@ -185,26 +179,25 @@ NODES: dict[str, Wiring] = {
     "image alpha": interpolated("Linear", "REPEAT", alpha=True),
     "image float": interpolated("Linear", "REPEAT", float_buffer=True),
     "image data": interpolated("Linear", "REPEAT", is_data=True),
-    "no image": lambda tree, uv: node(tree, "ShaderNodeTexImage", uv).outputs[0],
+    "no image": lambda tree, uv: node(tree, "TexImage", uv),
 }  # fmt: skip
 
 
-def square(place: tuple[int, int], wire: Wiring) -> None:
-    """A square that shows 1 + 0.3 of what a node gives."""
-    mesh = with_uv(polygons("Square", *SQUARE))
-    paint = mesh.color_attributes.new("Paint", 'BYTE_COLOR', 'POINT')
+def lit_by(tree: Any, value: Any) -> Any:
+    """Emission of 1 + 0.3 of what a node gives."""
+    scaled = node(tree, "VectorMath", value, operation='MULTIPLY_ADD')
+    scaled.inputs[1].default_value, scaled.inputs[2].default_value = (0.3,) * 3, (1.0,) * 3
+    return node(tree, "Emission", scaled)
+
+
+def show(place: tuple[int, int], wire: Wiring) -> None:
+    """A square that shows what a node gives."""
+    shown = material("Show", lambda tree: lit_by(tree, wire(tree, node(tree, "UVMap"))))
+    at = {"location": (place[0] + 0.5, place[1] + 0.5, 0), "scale": (0.5, 0.5, 1)}
+    made = square("Square", shown, **at, visible_diffuse=False)
+    paint = with_uv(made.data).color_attributes.new("Paint", 'BYTE_COLOR', 'POINT')
     colours = np.random.default_rng(3).random((4, 4)).astype(np.float32)
     paint.data.foreach_set("color", colours.ravel())
-    mesh.materials[0] = created = material("Show", "ShaderNodeEmission")
-    tree = created.node_tree
-    uv = tree.nodes.new("ShaderNodeUVMap")
-    shown = node(tree, "ShaderNodeVectorMath", wire(tree, uv))
-    shown.operation = 'MULTIPLY_ADD'
-    shown.inputs[1].default_value, shown.inputs[2].default_value = (0.3,) * 3, (1.0,) * 3
-    glow = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission")
-    tree.links.new(shown.outputs[0], glow.inputs["Color"])
-    x, y = place
-    add("Square", mesh, location=(x + 0.5, y + 0.5, 0), scale=(0.5, 0.5, 1), visible_diffuse=False)
 
 
 @pytest.mark.feature("each node: tile 0.4 %", area="Shader nodes", rows=NODES)
@@ -214,7 +207,7 @@ def test_every_node_is_that_of_cycles() -> None:
     empty_scene()
     rows = -(-len(NODES) // COLUMNS)
     for k, wire in enumerate(NODES.values()):
-        square((k % COLUMNS, rows - 1 - k // COLUMNS), wire)
+        show((k % COLUMNS, rows - 1 - k // COLUMNS), wire)
     middle = (0.5 * COLUMNS, 0.5 * rows)
     look_at((*middle, 0), (*middle, 5), type='ORTHO', ortho_scale=float(max(COLUMNS, rows)))
     bpy.context.scene.camera.rotation_euler = (0, 0, 0)
@@ -227,47 +220,46 @@ def test_every_node_is_that_of_cycles() -> None:
 # --- surfaces -------------------------------------------------------------------------------------
 
 
-def floor(**image: Any) -> None:
+def floor() -> None:
     stage()
-    paint = with_uv(bpy.data.objects["Floor"].data).materials[0].node_tree
-    diffuse = next(n for n in paint.nodes if n.bl_idname == "ShaderNodeBsdfDiffuse")
-    textured(paint, diffuse.inputs["Color"], None, picture(2, **image))
+    made = bpy.data.objects["Floor"]
+    with_uv(made.data)
+    textured(*colour_of(made), None, picture(2))
     lamp('POINT', (-1, -1.2, 2.5), shadow_soft_size=0.1)
 
 
 def panel(*, one_sided: bool = False, reflects: bool = False) -> None:
     """A textured square that glows, from its back alone where it is one-sided."""
+
+    def shown(tree: Any) -> Any:
+        glows = node(tree, "Emission", Strength=20)
+        textured(tree, glows.inputs["Color"], None, picture(4), interpolation='Closest')
+        if not one_sided:
+            return glows
+        side = node(tree, "NewGeometry").outputs["Backfacing"]
+        grey = (0.3,) * 3 if reflects else (0.0,) * 3
+        dark = node(tree, "BsdfDiffuse" if reflects else "Emission", Color=grey)
+        return node(tree, "MixShader", side, dark, glows)
+
     stage()
-    mesh = with_uv(polygons("Panel", *SQUARE))
-    mesh.materials[0] = created = material("Glow", "ShaderNodeEmission", Strength=20)
-    tree = created.node_tree
-    glow = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission")
-    textured(tree, glow.inputs["Color"], None, picture(4), interpolation='Closest')
-    if one_sided:
-        side = tree.nodes.new("ShaderNodeNewGeometry")
-        dark = node(tree, "ShaderNodeBsdfDiffuse") if reflects else node(tree, "ShaderNodeEmission")
-        dark.inputs[0].default_value = (0.3, 0.3, 0.3, 1) if reflects else (0, 0, 0, 1)
-        mixed = node(tree, "ShaderNodeMixShader", side.outputs["Backfacing"], dark, glow)
-        tree.links.new(mixed.outputs[0], tree.get_output_node('CYCLES').inputs[0])
     place = {"location": (-0.3, 0.3, 1.6), "rotation_euler": (0.5, 0.2, 0.3)}
-    add("Panel", mesh, **place, scale=(0.5, 0.4, 1))
+    with_uv(square("Panel", material("Glow", shown), **place, scale=(0.5, 0.4, 1)).data)
 
 
-def projected(projection: str, blend: float = 0.0) -> Callable[[], None]:
+def laid(thing: Any, **settings: Any) -> None:
+    """Put an image on a thing by its generated coordinates."""
+    tree, colour = colour_of(thing)
+    place = node(tree, "TexCoord").outputs["Generated"]
+    textured(tree, colour, place, picture(3), **settings)
+
+
+def projected(projection: str, blend: float = 0.0) -> None:
     """A turned box, and a ball, with an image projected on them."""
-
-    def build() -> None:
-        box = stage(rotation_euler=(0.3, 0.2, 0.5))
-        ball = add("Ball", sphere("Ball"), location=(-0.6, 0.1, 0.5), scale=(0.5, 0.4, 0.5))
-        for each in (box, ball):
-            tree = each.data.materials[0].node_tree
-            diffuse = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBsdfDiffuse")
-            place = tree.nodes.new(COORDINATE).outputs["Generated"]
-            settings = {"projection": projection, "projection_blend": blend}
-            textured(tree, diffuse.inputs["Color"], place, picture(3), **settings)
-        lamp('AREA', (-1, -1.2, 2.5))
-
-    return build
+    box = stage(rotation_euler=(0.3, 0.2, 0.5))
+    ball = add("Ball", sphere("Ball"), location=(-0.6, 0.1, 0.5), scale=(0.5, 0.4, 0.5))
+    for each in (box, ball):
+        laid(each, projection=projection, projection_blend=blend)
+    lamp('AREA', (-1, -1.2, 2.5))
 
 
 def tiled() -> None:
@@ -276,23 +268,20 @@ def tiled() -> None:
     pattern = Path(bpy.app.tempdir) / "tile.<UDIM>.png"
     numbers = (1001, 1002, 1012)
     for number in numbers:
-        one = picture(number)
-        one.file_format, one.filepath_raw = 'PNG', str(pattern).replace("<UDIM>", str(number))
-        one.save()
+        path = str(pattern).replace("<UDIM>", str(number))
+        put(picture(number), file_format='PNG', filepath_raw=path).save()
     image = bpy.data.images.load(str(pattern).replace("<UDIM>", "1001"))
     image.source, image.filepath = 'TILED', str(pattern)
     for number in numbers[1:]:
         image.tiles.new(number)
-    paint = bpy.data.objects["Floor"].data.materials[0]
-    diffuse = next(n for n in paint.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfDiffuse")
-    textured(paint.node_tree, diffuse.inputs["Color"], None, image)
+    ground = bpy.data.objects["Floor"]
+    textured(*colour_of(ground), None, image)
     for k in range(4):
         column, row = k % 2, k // 2
-        mesh = with_uv(polygons(f"Square {k}", *SQUARE))
-        mesh.materials[0] = paint
+        place = {"location": (2 * column - 1, 2 * row - 1, 0.01)}
+        mesh = with_uv(square(f"Square {k}", ground.data.materials[0], **place).data)
         for each in mesh.uv_layers[0].data:
             each.uv = (column + 0.9 * each.uv[0], row + 0.1 + 0.8 * each.uv[1])
-        add(f"Square {k}", mesh, location=(2 * column - 1, 2 * row - 1, 0.01))
     lamp('POINT', (-1, -1.2, 2.5), shadow_soft_size=0.1)
 
 
@@ -302,43 +291,38 @@ def deformed() -> None:
     bend = box.modifiers.new("Bend", 'SIMPLE_DEFORM')
     bend.deform_method, bend.angle, bend.deform_axis = 'TWIST', 1.5, 'Z'
     for kind in ("Simple", "Moved"):
-        cut = box.modifiers.new(kind, 'SUBSURF')
-        cut.subdivision_type, cut.render_levels = 'SIMPLE', 1
+        put(box.modifiers.new(kind, 'SUBSURF'), subdivision_type='SIMPLE', render_levels=1)
     box.modifiers.new("Wave", 'CAST').factor = 0.6
-    tree = box.data.materials[0].node_tree
-    diffuse = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBsdfDiffuse")
-    place = tree.nodes.new(COORDINATE).outputs["Generated"]
-    textured(tree, diffuse.inputs["Color"], place, picture(3))
+    laid(box)
     lamp('AREA', (-1, -1.2, 2.5))
 
 
-SLOW = pytest.mark.slow
+ONE_SIDED = partial(panel, one_sided=True)
+BOTH = partial(panel, one_sided=True, reflects=True)
+SURFACES: dict[str, Callable[[], None]] = {
+    "albedo": floor,
+    "emission": panel,
+    "generated-before-modifiers": deformed,
+    "box-projection": partial(projected, 'BOX', 0.4),
+    "udim-tiles": tiled,
+    "box-without-blend": partial(projected, 'BOX'),
+    "sphere-projection": partial(projected, 'SPHERE'),
+    "tube-projection": partial(projected, 'TUBE'),
+    "one-sided": ONE_SIDED,
+    "one-diffuse": BOTH,
+    "clay": BOTH,
+}
+QUICK = tuple(SURFACES)[:5]
 
 
-@pytest.mark.feature("picture: tiles 1 %, energy 0.2 %", area="Textured surfaces")
-@pytest.mark.parametrize(
-    ("build", "shading"),
-    [
-        pytest.param(floor, "full", id="albedo"),
-        pytest.param(panel, "full", id="emission"),
-        pytest.param(deformed, "full", id="generated-before-modifiers"),
-        pytest.param(projected('BOX', 0.4), "full", id="box-projection"),
-        pytest.param(tiled, "full", id="udim-tiles"),
-        pytest.param(projected('BOX'), "full", id="box-without-blend", marks=SLOW),
-        pytest.param(projected('SPHERE'), "full", id="sphere-projection", marks=SLOW),
-        pytest.param(projected('TUBE'), "full", id="tube-projection", marks=SLOW),
-        pytest.param(lambda: panel(one_sided=True), "full", id="one-sided", marks=SLOW),
-        pytest.param(
-            lambda: panel(one_sided=True, reflects=True), "full", id="one-diffuse", marks=SLOW
-        ),
-        pytest.param(lambda: panel(one_sided=True, reflects=True), "clay", id="clay", marks=SLOW),
-    ],
-)
-def test_textured_surfaces_are_those_of_cycles(build: Callable[[], None], shading: Any) -> None:
+@pytest.mark.feature(PICTURE, area="Textured surfaces")
+@pytest.mark.parametrize("name", cases(SURFACES, QUICK))
+def test_textured_surfaces_are_those_of_cycles(name: str) -> None:
+    build = SURFACES[name]
     build()
-    noisy = build.__name__ == "<lambda>"  # one-sided
-    more = {"ours": 384, "seeds": 12, "samples": 128} if noisy else {}
-    agrees(both_sides((48, 32), shading=shading, **more))
+    noisy = {"ours": 384, "seeds": 12, "samples": 128} if build in (ONE_SIDED, BOTH) else FINE
+    more = {} if name in QUICK else noisy
+    agrees(both_sides(shading="clay" if name == "clay" else "full", **more))
 
 
 # --- lamps ----------------------------------------------------------------------------------------
@@ -348,7 +332,7 @@ def at(kind: str, output: str, **settings: Any) -> Wiring:
     """A lamp's colour from an image that lies at an output of a node."""
 
     def wire(tree: Any, glow: Any) -> None:
-        place = tree.nodes.new(kind).outputs[output]
+        place = node(tree, kind).outputs[output]
         textured(tree, glow.inputs["Color"], place, picture(7), **settings)
 
     return wire
@@ -356,13 +340,13 @@ def at(kind: str, output: str, **settings: Any) -> Wiring:
 
 def falls(output: str, smooth: float) -> Wiring:
     def wire(tree: Any, glow: Any) -> None:
-        fall = node(tree, "ShaderNodeLightFalloff", Strength=0.7, Smooth=smooth)
+        fall = node(tree, "LightFalloff", Strength=0.7, Smooth=smooth)
         tree.links.new(fall.outputs[output], glow.inputs["Strength"])
 
     return wire
 
 
-COORDINATE, GEOMETRY = "ShaderNodeTexCoord", "ShaderNodeNewGeometry"
+COORDINATE, GEOMETRY = "TexCoord", "NewGeometry"
 SOFT = {"shadow_soft_size": 0.2}
 BALL = {"shadow_soft_size": 0.3, "use_soft_falloff": False}
 LAMPS: dict[str, tuple[str, dict[str, Any], Wiring]] = {
@@ -385,22 +369,18 @@ LAMPS: dict[str, tuple[str, dict[str, Any], Wiring]] = {
     "fall-area": ('AREA', {}, falls("Constant", 0.5)),
     "fall-sun": ('SUN', {}, falls("Constant", 2.0)),
 }
-QUICK = ("gobo", "point", "panel", "fall")
+SIMPLE = ("gobo", "point", "panel", "fall")
 
 
 @pytest.mark.feature("picture: tiles 1 %, energy 0.5 %", area="Lights with nodes")
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=SLOW) for n in LAMPS])
+@pytest.mark.parametrize("name", cases(LAMPS, SIMPLE))
 def test_lamps_with_trees_are_those_of_cycles(name: str) -> None:
     kind, properties, wire = LAMPS[name]
     stage()
-    placed = lamp(kind, (-0.6, -1, 2.6), (0.4, 0.2, 0.3), **properties)
-    placed.scale = (1, 1.3, 0.8)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        placed.data.use_nodes = True
-    tree = placed.data.node_tree
-    wire(tree, next(n for n in tree.nodes if n.bl_idname == "ShaderNodeEmission"))
-    sides = both_sides((48, 32), seeds=4)
+    placed = lamp(kind, (-0.6, -1, 2.6), (0.4, 0.2, 0.3), **properties, scale=(1, 1.3, 0.8))
+    tree = with_nodes(placed.data)
+    wire(tree, tree.nodes["Emission"])
+    sides = both_sides(ours=128)
     agrees(sides)
     whole, error = sides.energy()
     assert abs(whole) < GOBO and error < GOBO / 2

@@ -1,61 +1,52 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light through transparent surfaces, ours against that of Cycles.
+"""Light through transparent surfaces, holdouts and indirect-only collections: ours and Cycles'.
 
 Panes stand in front of the camera, and others between the light and the floor.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.meters import LuxMeter
 
-from blender_rad.meters import LuxMeter  # noqa: E402
+from .agreement import (
+    FINE,
+    PICTURE,
+    agrees,
+    both_sides,
+    cases,
+    glow,
+    lamp,
+    look_at,
+    panes,
+    square,
+    stage,
+)
+from .reading import material, node, world
 
-from .agreement import both_sides, lamp, look_at  # noqa: E402
-from .reading import SQUARE, add, material, polygons  # noqa: E402
-from .test_features_cycles import SIZE, agrees, stage, world  # noqa: E402
-
-TINT = (0.9, 0.5, 0.2, 1.0)
+SKY = {"Color": (0.3, 0.4, 0.6, 1)}
 FLOOR = 0.8  # albedo
 
 
-def tinted() -> Any:
-    """30 % Lambert, the rest coloured and clear."""
-    made = material("Pane", "ShaderNodeBsdfTransparent", Color=TINT)
-    tree = made.node_tree
-    output, clear = tree.get_output_node('CYCLES'), tree.nodes["Transparent BSDF"]
-    mix, lambert = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("MixShader", "BsdfDiffuse"))
-    mix.inputs[0].default_value = 0.3
-    for k, closure in enumerate((clear, lambert)):
-        tree.links.new(closure.outputs[0], mix.inputs[k + 1])
-    tree.links.new(mix.outputs[0], output.inputs[0])
-    return made
+def through_panes(*, clear: bool, **light: Any) -> None:
+    panes()
+    lamp('AREA', (-1, -1.2, 2.9), **light)
+    world(**SKY)
+    bpy.context.scene.render.film_transparent = clear
 
 
-def panes(count: int = 3) -> None:
-    stage()
-    mesh = polygons("Pane", *SQUARE)
-    mesh.materials[0] = tinted()
-    for k in range(count):
-        turned = {"scale": (0.7, 0.7, 1), "rotation_euler": (1.3, 0.1 * k, 0.1)}
-        add(f"Pane {k}", mesh, location=(-0.3, -1 - 0.3 * k, 0.6), **turned)
-        turned["rotation_euler"] = (0.1, 0.1 * k, 0.1)
-        add(f"Roof {k}", mesh, location=(-0.6, 0.1, 1.3 + 0.15 * k), **turned)
-
-
-@pytest.mark.feature("picture: tiles 1 %, energy 0.2 %")
+@pytest.mark.feature(PICTURE)
 @pytest.mark.parametrize("film_transparent", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_panes(film_transparent: bool) -> None:
-    panes()
-    lamp('AREA', (-1, -1.2, 2.9))
-    world()
-    bpy.context.scene.render.film_transparent = film_transparent
-    sides = both_sides(SIZE)
+    through_panes(clear=film_transparent)
+    sides = both_sides(**FINE)
     agrees(sides)
     error = np.abs(sides.film.alpha - sides.seeds[..., 3].mean(axis=0))
     assert error.max() < 0.06
@@ -68,7 +59,7 @@ def test_bounces_are_counted_as_cycles_counts_them(bounces: int) -> None:
     panes()
     lamp('POINT', (-1, -1.2, 2.9), shadow_soft_size=0)
     bpy.context.scene.cycles.transparent_max_bounces = bounces
-    sides = both_sides(SIZE)
+    sides = both_sides(**FINE)
     if bounces and bpy.app.version >= (5, 0):
         agrees(sides)
     kept = ~sides.film.excluded
@@ -81,14 +72,12 @@ def test_bounces_are_counted_as_cycles_counts_them(bounces: int) -> None:
 @pytest.mark.feature("illuminance on average: 0.2 % in each channel")
 def test_lux_meters_behind_panes() -> None:
     """A meter on each pixel of the floor under tinted roofs: E = πL/albedo of what Cycles sees."""
-    panes()
-    lamp('AREA', (-1, -1.2, 2.9), color=(0.4, 0.7, 1.0))
+    through_panes(clear=False, color=(0.4, 0.7, 1.0))
     lamp('SUN', (0.3, 0.2, 3), energy=2.0, angle=0.2)
-    world()
     middle, size, wide = np.array([-0.5, 0.1, 0.0]), (15, 10), 0.6
     down = look_at((*middle[:2], 0), (*middle[:2], 0.9), type='ORTHO', ortho_scale=wide)
     down.rotation_euler = (0, 0, 0)
-    sides = both_sides(size, ours=2, samples=256)
+    sides = both_sides(size, ours=2, seeds=8, samples=256)
     rows, columns = np.indices(size[::-1]).reshape(2, -1) + 0.5
     places = np.stack([columns - size[0] / 2, size[1] / 2 - rows, 0 * rows], axis=1)
     points = middle + places * (wide / size[0])
@@ -100,3 +89,78 @@ def test_lux_meters_behind_panes() -> None:
     assert not readings.excluded
     assert (found.max() > 1.5 * found.min()) and (error < 0.002 * found).all()
     assert (np.abs(seen.mean(axis=0) - found) < 0.002 * found + 3 * error).all()
+
+
+# --- holdouts -------------------------------------------------------------------------------------
+
+
+def lit(**box: Any) -> Any:
+    """The stage under a lamp and a world; its box is returned."""
+    made = stage(**box)
+    lamp('AREA', (-1, -1.2, 2.5))
+    world(**SKY)
+    return made
+
+
+def held_and_glowing() -> None:
+    """What is held out lights other surfaces as ever, but is not seen."""
+    lit(is_holdout=True).data.materials[0] = glow()
+
+
+def layer(flag: str) -> None:
+    """The stage's box and a lamp that shows in a collection with a flag of the layer."""
+    seen = {"size": 0.7, "visible_camera": True}
+    members = lit(), lamp('AREA', (-1, 0.3, 1.4), (0.5, -6, 3), **seen)
+    made = bpy.data.collections.new("Made")
+    bpy.context.scene.collection.children.link(made)
+    for each in members:
+        made.objects.link(each)
+        bpy.context.scene.collection.objects.unlink(each)
+    setattr(bpy.context.view_layer.layer_collection.children["Made"], flag, True)
+
+
+def shader() -> None:
+    """30 % held out by a shader, in front of the box."""
+    lit()
+    hole = material("Hole", lambda tree: node(
+        tree, "MixShader", 0.3, node(tree, "BsdfDiffuse"), node(tree, "Holdout")
+    ))  # fmt: skip
+    place = {"location": (-0.3, -1, 0.6), "rotation_euler": (1.3, 0, 0.1)}
+    square("Pane", hole, **place, scale=(0.7, 0.7, 1))
+
+
+def held_panes() -> None:
+    """Tinted panes, of which one is held out: behind it there is what it lets pass."""
+    through_panes(clear=True)
+    bpy.data.objects["Pane 1"].is_holdout = True
+
+
+def on_clear_film(build: Callable[[], Any]) -> None:
+    build()
+    bpy.context.scene.render.film_transparent = True
+
+
+HELD = partial(lit, is_holdout=True)
+CASES: dict[str, Callable[[], Any]] = {
+    "object": HELD,
+    "object-on-clear-film": partial(on_clear_film, HELD),
+    "emitting-object": held_and_glowing,
+    "collection": partial(layer, "holdout"),
+    "indirect-only-collection": partial(layer, "indirect_only"),
+    "shader": shader,
+    "shader-on-clear-film": partial(on_clear_film, shader),
+    "tinted-panes": held_panes,
+}
+QUICK = ("object-on-clear-film", "indirect-only-collection", "shader")
+
+
+@pytest.mark.feature("picture and alpha: tiles 1 %, energy 0.2 %", area="Holdouts")
+@pytest.mark.parametrize("name", cases(CASES, QUICK))
+def test_holdout_is_that_of_cycles(name: str) -> None:
+    CASES[name]()
+    sides = both_sides(ours=192 if name == "emitting-object" else 128, seeds=8)
+    agrees(sides)
+    assert not sides.scene.unsupported
+    alpha = sides.seeds[..., 3].mean(axis=0)
+    assert abs(alpha.mean() - sides.film.alpha.mean()) < 0.003
+    assert "indirect" in name or np.ptp(alpha) > 0.2

@@ -16,9 +16,8 @@ import pytest
 from blender_rad.bpy_io.read import read_scene
 from blender_rad.rendering import Settings, render
 
-from .agreement import lamp
-from .reading import add, geometry_nodes, material, node, with_nodes
-from .test_features_cycles import stage, world
+from .agreement import lamp, stage
+from .reading import add, geometry_nodes, material, node, put, shows, with_nodes, world
 
 pytestmark = pytest.mark.feature("named, left out", area="Not supported", holds="left out")
 MADE = "Strange"
@@ -27,39 +26,38 @@ Build = Callable[[Any, Any], str]  # from the box and the lamp of a stage to the
 
 def surface(kind: str, **inputs: Any) -> Build:
     def build(box: Any, _: Any) -> str:
-        box.data.materials[0] = material(MADE, f"ShaderNode{kind}", **inputs)
+        box.data.materials[0] = material(MADE, kind, **inputs)
         return MADE
 
     return build
+
+
+def noisy(box: Any, _: Any) -> str:
+    paint = material(MADE, lambda tree: node(tree, "BsdfDiffuse", node(tree, "TexNoise")))
+    box.data.materials[0] = paint
+    return MADE
 
 
 def output(socket: str, kind: str) -> Build:
     """Something on another socket of a material's output."""
 
     def build(box: Any, _: Any) -> str:
-        made = box.data.materials[0] = material(MADE, "ShaderNodeBsdfDiffuse")
+        made = box.data.materials[0] = material(MADE, "BsdfDiffuse")
         made.displacement_method = 'BOTH'
-        tree = made.node_tree
-        into = tree.get_output_node('CYCLES').inputs[socket]
-        tree.links.new(node(tree, f"ShaderNode{kind}").outputs[0], into)
+        shows(made.node_tree, node(made.node_tree, kind), socket)
         return MADE
 
     return build
 
 
 def on_box(**properties: Any) -> Build:
-    def build(box: Any, _: Any) -> str:
-        for name, value in properties.items():
-            setattr(box, name, value)
-        return "Box"
-
-    return build
+    return lambda box, _: put(box, **properties).name
 
 
 def particle_hair(box: Any, _: Any) -> str:
     bpy.context.view_layer.objects.active = box
     hair = box.modifiers.new("Hair", 'PARTICLE_SYSTEM').particle_system.settings
-    hair.type, hair.count, hair.hair_length = 'HAIR', 20, 0.5
+    put(hair, type='HAIR', count=20, hair_length=0.5)
     return "Box"
 
 
@@ -67,8 +65,7 @@ def strands(*_: Any) -> str:
     data = bpy.data.hair_curves.new("Strands")
     data.add_curves([2])
     data.points[1].position = (0, -0.5, 1)
-    add("Strands", data, location=(0, -1, 0.5))
-    return "Strands"
+    return add("Strands", data, location=(0, -1, 0.5)).name
 
 
 def of_nodes(kind: str, **inputs: Any) -> Build:
@@ -103,31 +100,22 @@ def light_nodes(kind: str) -> Build:
 
     def build(_: Any, light: Any) -> str:
         tree = with_nodes(light.data)
-        tree.nodes.clear()
-        emission = node(tree, "ShaderNodeEmission")
-        node(tree, "ShaderNodeOutputLight", emission)
-        tree.links.new(node(tree, f"ShaderNode{kind}").outputs[0], emission.inputs["Strength"])
+        strength = tree.nodes["Emission"].inputs["Strength"]
+        tree.links.new(node(tree, kind).outputs[0], strength)
         return light.name
 
     return build
 
 
-def world_output(socket: str, kind: str) -> Build:
-    def build(*_: Any) -> str:
-        world()
-        made = bpy.context.scene.world
-        tree = with_nodes(made)
-        shader = node(tree, f"ShaderNode{kind}").outputs[0]
-        tree.links.new(shader, tree.get_output_node('CYCLES').inputs[socket])
-        return made.name
-
-    return build
+def world_volume(*_: Any) -> str:
+    tree = with_nodes(world())
+    shows(tree, node(tree, "VolumeScatter"), "Volume")
+    return "World"
 
 
 def world_without_shadows(*_: Any) -> str:
-    world()
-    bpy.context.scene.world.cycles.use_shadows = False
-    return bpy.context.scene.world.name
+    world(Strength=1.0).cycles.use_shadows = False
+    return "World"
 
 
 def stereo(*_: Any) -> str:
@@ -154,7 +142,7 @@ CASES: dict[str, Build] = {
     "Subsurface Scattering": surface("SubsurfaceScattering"),
     "Principled BSDF with subsurface": surface(PRINCIPLED, Subsurface_Weight=0.5),
     "Principled BSDF with a thin film": surface(PRINCIPLED, Thin_Film_Thickness=400.0),
-    "Noise in a surface's colour": lambda box, _: noisy(box),
+    "Noise in a surface's colour": noisy,
     "Displacement": output("Displacement", "Displacement"),
     "Volume of a material": output("Volume", "VolumePrincipled"),
     "Shadow catcher": on_box(is_shadow_catcher=True),
@@ -166,7 +154,7 @@ CASES: dict[str, Build] = {
     "Camera culling": culled,
     "Noise in a light": light_nodes("TexNoise"),
     "Light Path in a light": light_nodes("LightPath"),
-    "World volume": world_output("Volume", "VolumeScatter"),
+    "World volume": world_volume,
     "World without shadows": world_without_shadows,
     "Stereoscopy": stereo,
     "Lamp as camera": lamp_as_camera,
@@ -175,14 +163,6 @@ if bpy.app.version >= (5, 0):
     CASES["Custom camera"] = custom_camera
 else:  # before Blender 5 the switch does nothing
     del CASES["World without shadows"]
-
-
-def noisy(box: Any) -> str:
-    made = box.data.materials[0] = material(MADE, "ShaderNodeBsdfDiffuse")
-    colour = made.node_tree.nodes["Diffuse BSDF"].inputs["Color"]
-    noise = made.node_tree.nodes.new("ShaderNodeTexNoise")
-    made.node_tree.links.new(noise.outputs["Color"], colour)
-    return MADE
 
 
 @pytest.mark.parametrize("name", CASES)
