@@ -181,8 +181,7 @@ def _row(
 
 def _joined(pieces: Array, weights: Array, count: int) -> Array:
     """Return the mean flux of `count` pieces (k, 4, 3) and their greatest other amounts, (4, 3)."""
-    brightest = np.argmax(np.abs(pieces @ weights), axis=0)
-    amounts = pieces[brightest, np.arange(4)]
+    amounts = pieces[np.argmax(np.abs(pieces @ weights), axis=0), np.arange(4)]
     amounts[0] = pieces[:, 0].sum(axis=0) / count
     return amounts
 
@@ -209,12 +208,9 @@ def _unit_scale(scene: Scene, source: _Source) -> Iterator[Note]:
     effect = _ratio(cycles.leaving_flux(), physical.leaving_flux()) - 1.0
     if source.record and abs(effect) > SAME:
         energy = source.record.properties["energy"]
-        yield Note(
-            "unit-scale",
-            f"a unit is {scene.unit_scale_m:g} m, but Cycles lets light fall off over units: its "
-            f"{figure(energy)} W light the scene as {figure(energy * (1.0 + effect))} W would",
-            100.0 * effect,
-        )
+        why = f"a unit is {scene.unit_scale_m:g} m, but Cycles lets light fall off over units"
+        both = f"{figure(energy)} W light the scene as {figure(energy * (1.0 + effect))} W would"
+        yield Note("unit-scale", f"{why}: its {both}", 100.0 * effect)
 
 
 def _notes(scene: Scene, source: _Source) -> Iterator[Note]:
@@ -232,26 +228,20 @@ def _notes(scene: Scene, source: _Source) -> Iterator[Note]:
         effect = 100.0 * (share - 1.0) if share < 1.0 - SAME else 0.0
         yield Note("mesh-faces", hollow if effect else both, effect)
     elif isinstance(light, WorldLight) and light.sky is not None:
-        mean = figure(float(light.rgb.mean()))
-        yield Note(
-            "sky-by-direction",
-            f"by direction: the irradiance is that of a surface that looks up, the radiance that "
-            f"of the brightest spot; the mean is {mean} W/(m² sr)",
-            0.0,
-        )
+        up = "the irradiance is that of a surface that looks up"
+        spot = "the radiance that of the brightest spot"
+        mean = f"the mean is {figure(float(light.rgb.mean()))} W/(m² sr)"
+        yield Note("sky-by-direction", f"by direction: {up}, {spot}; {mean}", 0.0)
     elif record is not None:
         yield from _of_power(light, record)
         yield from _of_colour(record, np.array(scene.luminance_weights))
         yield from _of_shape(light, record, scene.unit_scale_m)
         if light.distribution is not None:
             cycles = EFFICACIES_LM_W["cycles-ies"]
-            yield Note(
-                "ies-efficacy",
-                f"its IES file's candela are W/sr over {cycles} lm/W in Cycles "
-                "(--efficacy cycles-ies), "
-                f"which looks at no TILT or size; over {K_M} in the physical model",
-                100.0 * (K_M / cycles - 1.0),
-            )
+            said = f"its IES file's candela are W/sr over {cycles} lm/W in Cycles"
+            said += " (--efficacy cycles-ies), which looks at no TILT or size; "
+            said += f"over {K_M} in the physical model"
+            yield Note("ies-efficacy", said, 100.0 * (K_M / cycles - 1.0))
         if not light.cast_shadow:
             yield Note("no-shadow", "casts no shadow: it lights what is behind walls too")
 
@@ -290,21 +280,17 @@ def _of_power(light: Light, record: LightRecord) -> Iterator[Note]:
 
 def _of_colour(record: LightRecord, weights: Array) -> Iterator[Note]:
     properties = record.properties
-    nodes = np.array(properties.get("node_emission", 1.0))
-    for name, tint in (("colour", np.array(properties["color"])), ("nodes", nodes)):
-        if np.any(np.abs(tint - 1.0) > SAME):
-            yield _tinted(name, weights, tint)
+    tints = {"colour": properties["color"], "nodes": properties.get("node_emission", 1.0)}
     if properties.get("use_temperature"):
-        kelvin, tint = properties["temperature"], np.array(properties["temperature_color"])
-        low, high = RANGE_K
+        kelvin, (low, high) = properties["temperature"], RANGE_K
         ends = f", as at {low if kelvin < low else high:.0f} K, where colours end"
-        yield _tinted(f"{kelvin:.0f} K{ends * (not low <= kelvin <= high)}", weights, tint)
-
-
-def _tinted(name: str, weights: Array, tint: Array) -> Note:
-    luminous = float(weights @ tint)
-    said = f"{name}: {luminous:.3g} times the lm and {tint.mean():.3g} times the W of white"
-    return Note("light-colour", said, 100.0 * (luminous - 1.0))
+        kind = f"{kelvin:.0f} K{ends * (not low <= kelvin <= high)}"
+        tints[kind] = properties["temperature_color"]
+    for name, tint in ((name, np.array(tint)) for name, tint in tints.items()):
+        if np.any(np.abs(tint - 1.0) > SAME):
+            luminous = float(weights @ tint)
+            said = f"{name}: {luminous:.3g} times the lm and {tint.mean():.3g} times the W of white"
+            yield Note("light-colour", said, 100.0 * (luminous - 1.0))
 
 
 def _of_shape(light: Light, record: LightRecord, metre: float) -> Iterator[Note]:
@@ -313,24 +299,18 @@ def _of_shape(light: Light, record: LightRecord, metre: float) -> Iterator[Note]
     if isinstance(light, SpotLight) and light.distribution is None:
         share = _ratio(light.radiant_flux(), light.rgb)
         angle = np.degrees(2.0 * np.arccos(light.cos_half_angle))
-        yield Note(
-            "spot-cone",
-            f"its {angle:.3g}° cone cuts light off and gathers none: {100.0 * share:.3g} % of its "
-            "power leaves",
-            100.0 * (share - 1.0),
-        )
+        said = f"its {angle:.3g}° cone cuts light off and gathers none"
+        left = f"{100.0 * share:.3g} % of its power leaves"
+        yield Note("spot-cone", f"{said}: {left}", 100.0 * (share - 1.0))
         if scaled and np.ptp(scale) > SAME * scale.max():
             yield Note("light-scale", "its object's scale stretches the cone")
     if isinstance(light, PointLight) and light.radius > 0.0:
         radius = light.radius * metre
         if light.soft_falloff:
             share = 100.0 / (1.0 + radius**2)
-            yield Note(
-                "soft-falloff",
-                f"soft falloff: a disc of radius {radius:.3g} m that faces every point, and 1 m "
-                f"away gives {share:.3g} % of what its power says",
-                share - 100.0,
-            )
+            disc = f"a disc of radius {radius:.3g} m that faces every point, and 1 m away gives"
+            said = f"soft falloff: {disc} {share:.3g} % of what its power says"
+            yield Note("soft-falloff", said, share - 100.0)
         if scaled:
             yield Note("light-scale", "its object's scale does not act on its radius", 0.0)
     if isinstance(light, AreaLight):

@@ -133,6 +133,10 @@ class CyclesWitness:
         path, name = setting.rsplit(".", 1)
         setattr(self.bl_scene.path_resolve(path), name, value)
 
+    def pictures(self, count: int, samples: int) -> Pictures:
+        """Return the radiance (s, h, w, 3) of the seeds 1 to `count`."""
+        return np.stack([self.render(seed + 1, samples)[..., :3] for seed in range(count)])
+
     def taken_back(
         self, pictures: Pictures, samples: int, kept: Collection[str] = ()
     ) -> Iterator[tuple[str, dict[str, Any], Pictures, Pictures]]:
@@ -148,8 +152,7 @@ class CyclesWitness:
                 continue
             for setting, (_, unbiased) in own.items():
                 self._set(setting, unbiased)
-            seeds = range(1, len(pictures) + 1)
-            after = np.stack([self.render(seed, samples)[..., :3] for seed in seeds])
+            after = self.pictures(len(pictures), samples)
             yield code, {setting: value for setting, (value, _) in own.items()}, pictures, after
             pictures = after
 

@@ -39,8 +39,6 @@ class LintOptions(EngineCommand, verb="lint"):
 
     def _measured(self, bl_scene: Any, size: tuple[int, int]) -> dict[str, float]:
         """Return the effects [%] of settings by code; the open scene is changed."""
-        import numpy as np
-
         from ..bpy_io.witness import CyclesWitness
         from ..compare.effects import effect_of
 
@@ -50,8 +48,7 @@ class LintOptions(EngineCommand, verb="lint"):
         )
         witness.prepare()
         samples = self.measure or 1
-        seeds = range(1, SEEDS + 1)
-        pictures = np.stack([witness.render(seed, samples)[..., :3] for seed in seeds])
+        pictures = witness.pictures(SEEDS, samples)
         taken = witness.taken_back(pictures, samples, kept=("bounces",))
         return {code: effect_of(*both).whole for code, _, *both in taken}
 
