@@ -16,7 +16,7 @@ import ctypes
 import functools
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,12 +32,16 @@ _TRIANGLE, _INSTANCE = 0, 121  # RTCGeometryType
 _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1  # RTCBufferType
 _UINT3, _FLOAT3, _FLOAT3X4_ROW = 0x5003, 0x9003, 0x9134  # RTCFormat
 _ROBUST = 4  # RTC_SCENE_FLAG_ROBUST: watertight at edges
-_INVALID = 0xFFFFFFFF
 _PADDING_VERTICES = 2  # Embree reads 16 bytes at the last vertex of 12
-# RTCRayHit16: 21 fields of 16 lanes.
-_PACKET, _FIELDS = 16, 21
-_ORIGIN, _DIRECTION, _DISTANCE, _MASK = 0, 4, 8, 9
-_U, _V, _TRIANGLE_ID, _GEOMETRY_ID, _INSTANCE_ID = 15, 16, 17, 18, 19
+_LANES = 16
+_FLOATS, _VECTORS, _NUMBERS = ("f4", _LANES), ("f4", (3, _LANES)), ("i4", _LANES)
+_RAY_HIT = np.dtype(  # RTCRayHit16
+    [("org", *_VECTORS), ("tnear", *_FLOATS), ("dir", *_VECTORS)]
+    + [(name, *_FLOATS) for name in ("time", "tfar")]
+    + [(name, *_NUMBERS) for name in ("mask", "id", "flags")]
+    + [("Ng", *_VECTORS), ("u", *_FLOATS), ("v", *_FLOATS)]
+    + [(name, *_NUMBERS) for name in ("primID", "geomID", "instID", "instPrimID")]
+)
 
 _SCENE_FIELDS_BYTES = 24  # embreex's EmbreeScene: a handle, a flag, a device
 _FAR = 1e37
@@ -209,14 +213,7 @@ class Caster:
             nothing = np.full(n, -1)
             return Hits(nothing, nothing, np.zeros(n), np.zeros(n), np.full(n, np.inf))
         origins32, directions32 = origins.astype(np.float32), directions.astype(np.float32)
-        found = self._scene.run(origins32, directions32, output=True)
-        hits = Hits(
-            found["geomID"].astype(np.int64),
-            found["primID"].astype(np.int64),
-            found["u"].astype(np.float64),
-            found["v"].astype(np.float64),
-            np.where(found["geomID"] >= 0, found["tfar"], np.inf).astype(np.float64),
-        )
+        hits = _hits(self._scene.run(origins32, directions32, output=True))
         shared = np.flatnonzero(hits.instance >= self._first_shared)
         if len(shared):
             again = self._intersect_packets(origins32[shared], directions32[shared])
@@ -228,36 +225,35 @@ class Caster:
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
     ) -> Hits:
         """Cast rays 16 at a time: slower than embreex, but it tells the instance."""
-        n = len(origins)
-        packets = -(-n // _PACKET)
-        rays = _aligned_zeros(packets, _FIELDS, _PACKET)
-        words = rays.view(np.uint32)
-        for field, values in ((_ORIGIN, origins), (_DIRECTION, directions)):
-            lanes = np.resize(values, (packets * _PACKET, 3))
-            rays[:, field : field + 3] = lanes.reshape(packets, _PACKET, 3).swapaxes(1, 2)
-        rays[:, _DISTANCE] = _FAR
-        words[:, _MASK] = _INVALID
-        words[:, _TRIANGLE_ID:_FIELDS] = _INVALID
-        valid = _aligned_zeros(_PACKET).view(np.int32)
+        n, packets = len(origins), -(-len(origins) // _LANES)
+        rays = _aligned_zeros(packets, _RAY_HIT)
+        for field, values in (("org", origins), ("dir", directions)):
+            lanes = np.resize(values, (packets, _LANES, 3))
+            rays[field] = lanes.swapaxes(1, 2)
+        rays["tfar"] = _FAR
+        for field in ("mask", "primID", "geomID", "instID", "instPrimID"):
+            rays[field] = -1
+        valid = _aligned_zeros(_LANES, np.dtype(np.int32))
         valid[:] = -1
         cast, lane_flags = _embree().rtcIntersect16, valid.ctypes.data
         start, step = rays.ctypes.data, rays.strides[0]
         for address in range(start, start + packets * step, step):
             cast(lane_flags, self._handle, address, None)
+        own = rays["instID"]
+        rays["geomID"] = np.where(own < 0, rays["geomID"], own)
+        names = ("geomID", "primID", "u", "v", "tfar")
+        return _hits({name: rays[name].reshape(-1)[:n] for name in names})
 
-        def column(array: NDArray[Any], field: int) -> NDArray[Any]:
-            return array[:, field].reshape(-1)[:n]
 
-        own, triangle = column(words, _INSTANCE_ID), column(words, _TRIANGLE_ID)
-        instance = np.where(own == _INVALID, column(words, _GEOMETRY_ID), own).astype(np.int64)
-        missed = triangle == _INVALID
-        return Hits(
-            np.where(missed, -1, instance),
-            np.where(missed, -1, triangle.astype(np.int64)),
-            column(rays, _U).astype(np.float64),
-            column(rays, _V).astype(np.float64),
-            np.where(missed, np.inf, column(rays, _DISTANCE)).astype(np.float64),
-        )
+def _hits(found: Mapping[str, NDArray[Any]]) -> Hits:
+    """Return hits by Embree's names of their fields."""
+    return Hits(
+        found["geomID"].astype(np.int64),
+        found["primID"].astype(np.int64),
+        found["u"].astype(np.float64),
+        found["v"].astype(np.float64),
+        np.where(found["geomID"] >= 0, found["tfar"], np.inf).astype(np.float64),
+    )
 
 
 def transform_points(matrix: Floats, points: NDArray[Any]) -> Floats:
@@ -280,9 +276,8 @@ def _handle(scene: Any) -> int:
     return ctypes.c_void_p.from_address(id(scene) + object.__basicsize__).value or 0
 
 
-def _aligned_zeros(*shape: int) -> NDArray[np.float32]:
-    """Return float32 zeros that start at a multiple of 64 bytes, as packets must."""
-    count = int(np.prod(shape))
-    raw = np.zeros(count + 16, dtype=np.float32)
-    skip = (-raw.ctypes.data % 64) // 4
-    return raw[skip : skip + count].reshape(shape)
+def _aligned_zeros(count: int, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Return zeros that start at a multiple of 64 bytes, as packets must."""
+    raw = np.zeros(count * kind.itemsize + 64, dtype=np.uint8)
+    skip = -raw.ctypes.data % 64
+    return raw[skip : skip + count * kind.itemsize].view(kind)
