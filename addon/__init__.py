@@ -5,53 +5,16 @@ A module says what Blender is to know of it: its classes, and what it names in P
 MENUS, OVERLAYS and TIMERS; its `enabled` and `disabled` are called.
 """
 
+from importlib import import_module
 from typing import Any
 
 import bpy
 
-from . import (
-    beside,
-    check_panel,
-    drawing,
-    engine,
-    engine_panel,
-    images,
-    law_panel,
-    light_panel,
-    lint_panel,
-    live,
-    meter_panel,
-    metering,
-    preferences,
-    readout,
-    settings,
-    skies,
-    stating,
-    translations,
-)
-
-MODULES = (
-    preferences,
-    settings,
-    beside,
-    skies,
-    live,
-    drawing,
-    engine,
-    engine_panel,
-    check_panel,
-    lint_panel,
-    images,
-    stating,
-    readout,
-    light_panel,
-    law_panel,
-    meter_panel,
-    metering,
-    translations,
-)
-
-
+NAMES = """
+    preferences settings beside skies live drawing engine engine_panel check_panel lint_panel
+    images stating readout light_panel law_panel meter_panel metering translations
+"""
+MODULES: list[Any] = [import_module(f".{name}", __package__) for name in NAMES.split()]
 _overlays: list[Any] = []
 
 

@@ -9,19 +9,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from ..blender_rad.errors import RadError
-from .metering import (
-    ERROR,
-    STATE,
-    illuminance,
-    marks,
-    met,
-    meters,
-    read,
-    reread,
-    scene_now,
-    show,
-    start,
-)
+from .metering import ERROR, MET, STATE, illuminance, marks, meters, reread, scene_now, show, start
 from .text import say
 
 KINDS: Any = (
@@ -165,7 +153,7 @@ class RADIOMETRIC_OT_solve(bpy.types.Operator):
             self.report({'ERROR'}, str(error))
             return {'CANCELLED'}
         if missed:
-            self.report({'WARNING'}, f"Out of reach, animated or driven: {', '.join(missed)}")
+            self.report({'WARNING'}, f"Out of reach: {', '.join(missed)}")
         return {'FINISHED'}
 
     def _solve(self, context: bpy.types.Context) -> list[str]:
@@ -180,21 +168,18 @@ class RADIOMETRIC_OT_solve(bpy.types.Operator):
         chosen = [p for p in places if p.kind != 'NIT' and targets[p.name]]
         if not chosen:
             raise RadError("nothing to solve for", "meters", "expected one with a target in lux")
-        efficacy = context.scene.radiometric.efficacy
-        meter = LuxMeter(scene, efficacy=efficacy, error=ERROR)
+        meter = LuxMeter(scene, efficacy=context.scene.radiometric.efficacy, error=ERROR)
         shares = np.array([cells.mean(axis=0) for cells in illuminance(meter, chosen)[0]])
         picked = {o.name for o in context.selected_objects}
         free = np.array([not self.selected or name in picked for name in meter.names], bool)
         wanted = np.array([targets[p.name] for p in chosen]) - shares[:, ~free].sum(axis=1)
-        for name, factor in zip(
-            np.array(meter.names)[free], factors(shares[:, free], wanted), strict=True
-        ):
+        found = factors(shares[:, free], wanted)
+        for name, factor in zip(np.array(meter.names)[free], found, strict=True):
             scale_power(context.scene, str(name), float(factor))
         context.view_layer.update()
-        scene, places = scene_now(context)
-        STATE.readings, STATE.stale = read(scene, places, efficacy, ERROR), False
-        show()
-        return [m.name for m in meters(context.scene) if met(m) is False]
+        start(context)
+        off = np.abs(shares[:, free] @ found - wanted)
+        return [p.name for p, by in zip(chosen, off, strict=True) if by > MET * targets[p.name]]
 
 
 class RADIOMETRIC_PT_meters(bpy.types.Panel):

@@ -10,7 +10,6 @@ setter for each frame of each depsgraph, renders included.
 from __future__ import annotations
 
 import math
-import pickle
 from types import SimpleNamespace
 from typing import Any
 
@@ -34,8 +33,8 @@ UNITS = (
 LABELS = {identifier: label for identifier, label, _ in UNITS}
 SPECTRA = ("A", "D50", "D65", *(f"LED-B{k}" for k in range(1, 6)), "FL2", "FL11", "HP1",
            "blackbody:2700", "blackbody:3200", "blackbody:5600", "laser:532")  # fmt: skip
-_factors: dict[Any, float] = {}
 _drawn: dict[Any, Any] = {}
+MOST = 4096  # of these, where nothing else ends them
 
 
 def convention(group: Any) -> Any:
@@ -93,20 +92,11 @@ def record_of(light: Any, matrix: Any = None) -> Any:
 
 
 def _factor(light: Any, unit: str) -> float:
-    """Return the light's SI value in `unit` over its energy, from the last time if it can be."""
+    """Return the light's SI value in `unit` over its energy."""
     from ..blender_rad import stated
 
-    group, record = light.radiometry, record_of(light)
-    shown = {name: value for name, value in record.properties.items() if name != "energy"}
-    model = 'cycles' if group.compensate else 'physical'
-    how = convention(group)
-    plain = (light.type, shown, record.world_from_light, record.unit_scale_m, record.unknown)
-    key = pickle.dumps((plain, unit, how, model))
-    if key not in _factors:
-        if len(_factors) > 4096:  # an animation of cones
-            _factors.clear()
-        _factors[key] = stated.per_energy(record, unit, how, model)
-    return _factors[key]
+    model = 'cycles' if light.radiometry.compensate else 'physical'
+    return stated.per_energy(record_of(light), unit, convention(light.radiometry), model)
 
 
 def unit_of(block: Any) -> str:
@@ -129,6 +119,8 @@ def drawn(make: Any, light: Any, *what: Any) -> Any:
     group = light.radiometry
     stated = light.session_uid, light.type, convention(group), group.compensate
     key = (make, *what, stated, *plain_properties(light).values())
+    if len(_drawn) > MOST:
+        _drawn.clear()
     if key not in _drawn:
         _drawn[key] = make(light, *what)
     return _drawn[key]
@@ -393,7 +385,6 @@ class RADIOMETRIC_PG_glow(bpy.types.PropertyGroup):
 
 
 def disabled() -> None:
-    _factors.clear()
     _drawn.clear()
 
 
