@@ -110,7 +110,7 @@ def compare(kind: str, roughness: float, samples: int) -> bool:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--samples", type=int, default=512, help="a pixel and seed of Cycles")
+    parser.add_argument("--samples", type=int, default=256, help="a pixel and seed of Cycles")
     options = parser.parse_args()
     columns = "".join(f"{name:>10}" for few in FEW for name in (f"ours, {few}", "Cycles"))
     print(f"{'light':12}{'roughness':>9}{'Cycles over ours':>21}{columns}")
