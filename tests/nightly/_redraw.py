@@ -4,6 +4,7 @@
 Usage: blender -P _redraw.py -- FOLDER: story.json with processor times [ms] of our functions alone.
 """
 
+import inspect
 import json
 import sys
 import time
@@ -17,7 +18,7 @@ import numpy as np
 OUT = Path(sys.argv[-1])
 PACKAGE = "bl_ext.user_default.radiometric"
 ADDON = f"{PACKAGE}.addon"
-LIGHTS, METERS, DRAWS, LONGEST_S = 500, 50, 4, 40
+LIGHTS, METERS, DRAWS, LONGEST_S = 500, 50, 4, 200
 KINDS = ('POINT', 'SPOT', 'AREA')
 bpy.context.preferences.view.show_splash = False
 spent = Counter()
@@ -34,7 +35,9 @@ def timed(owner, name):
         finally:
             spent[f"{owner.__name__.rpartition('.')[2]}.{name}"] += time.thread_time() - start
 
-    names = ", ".join(f"a{k}" for k in range(function.__code__.co_argcount))  # Blender counts them
+    code = function.__code__
+    names = [f"a{k}" for k in range(code.co_argcount)]  # Blender counts them
+    names = ", ".join(names + ["*rest"] * bool(code.co_flags & inspect.CO_VARARGS))
     setattr(owner, name, eval(f"lambda {names}: measured({names})", {"measured": measured}))
 
 
@@ -49,15 +52,18 @@ def enable():
 
 
 def instrument():
-    modules = [m for name, m in sys.modules.items() if name.startswith(f"{ADDON}.")]
+    """Have our drawing, our overlays and our handlers counted."""
+    modules = sys.modules[ADDON].MODULES
     sys.modules[ADDON].unregister()
     for module in modules:
-        for name, found in list(vars(module).items()):
-            if getattr(found, "__module__", "") != module.__name__:
-                continue
-            if name in {"_draw", "draw_quantity", "_keep_flux"}:  # draw and depsgraph handlers
-                timed(module, name)
-            elif isinstance(found, type):
+        overlays, handlers = getattr(module, "OVERLAYS", ()), getattr(module, "HANDLERS", ())
+        for name in {found.__name__ for found in (*overlays, *(h for _, h in handlers))}:
+            timed(module, name)
+        now = vars(module)
+        module.OVERLAYS = [now[draw.__name__] for draw in overlays]
+        module.HANDLERS = [(moment, now[handler.__name__]) for moment, handler in handlers]
+        for found in list(now.values()):
+            if isinstance(found, type) and found.__module__ == module.__name__:
                 for method in {"draw", "draw_item", "view_update", "view_draw"} & set(vars(found)):
                     timed(found, method)
     sys.modules[ADDON].register()
@@ -108,15 +114,13 @@ def walk():
     next(r for r in area.regions if r.type == 'UI').active_panel_category = "Radiometry"
     properties.spaces.active.context = 'DATA'
     metering = sys.modules[f"{ADDON}.metering"]
-    metering.STATE.readings = {  # what they read does not matter
-        meter.name: metering.Reading(99.0 + k, f"{99 + k} lx")
-        for k, meter in enumerate(metering.meters(bpy.context.scene))
-    }
-    viewports = sys.modules[f"{ADDON}.drawing"].VIEWPORTS
+    viewports, start = sys.modules[f"{ADDON}.drawing"].VIEWPORTS, time.monotonic()
     for _ in range(LONGEST_S):
         yield 1
-        if not any(v.refining for v in viewports.values()):
-            break
+        if len(metering.STATE.readings) == METERS:
+            story.setdefault("meters_read_s", round(time.monotonic() - start))
+            if not any(v.refining for v in viewports.values()):
+                break
     lamp = bpy.data.objects["Light 1"]
     story["meters_shown"] = len(metering.STATE.readings)
     for name, view in (("lights", 'radiance'), ("false_colour", 'illuminance')):

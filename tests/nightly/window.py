@@ -19,7 +19,7 @@ from pathlib import Path
 
 HERE, DOCS = Path(__file__).parent, Path(__file__).parents[2] / "docs"
 SCREEN = ("-screen 0 1200x720x24 -nolisten tcp", "1200", "720")
-LIMIT_S = 900
+LIMIT_S = 1800
 ENABLE_S, REDRAW_MS = 0.2, 16.0  # of the processor, promised
 
 
