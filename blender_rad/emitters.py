@@ -36,27 +36,27 @@ def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
     known: list[Light] = list(scene.lights)
     unknown: list[tuple[Light, Unsupported]] = []
     for instance in scene.instances:
-        for slot, material in _emitting_slots(scene, instance):
-            light = _mesh_light(scene, instance, slot, material)
-            if material.emission_known:
-                known.append(light)
-            else:
-                unknown.append((light, _cause(material.unsupported, "material", material.name)))
+        for slot, index in enumerate(() if instance.proxy else instance.materials):
+            material = scene.materials[index]
+            if not material.emission_known:
+                cause = _cause(material.unsupported, "material", material.name)
+                unknown.append((_mesh_light(scene, instance, slot, material), cause))
+            elif material.emits:
+                known.append(_mesh_light(scene, instance, slot, material))
     world = scene.world
     known += world_lights(scene)
     if not world.known:
-        cause = _cause(world.unsupported, "world", WORLD_NAME)
         everywhere = WorldLight(name=WORLD_NAME, rgb=np.ones(3), reaches=_reaches(world))
-        unknown.append((everywhere, cause))
+        unknown.append((everywhere, _cause(world.unsupported, "world", WORLD_NAME)))
     for light in scene.unknown_lights:
         own = tuple(u for u in scene.unsupported if u.kind == "light" and u.name == light.name)
         unknown.append((light, _cause(own, "light", light.name)))
-    counts = RAYS if any(m.closures for m in scene.materials) else RAYS[:1]
-    known = [light for light in known if not set(counts).isdisjoint(light.reaches)]
-    unknown = [(light, why) for light, why in unknown if not set(counts).isdisjoint(light.reaches)]
+    rays = set(RAYS if any(m.closures for m in scene.materials) else RAYS[:1])
+    known = [light for light in known if rays & {*light.reaches}]
     names = list(dict.fromkeys(light.name for light in known))
     found = [Emitter(light, names.index(light.name)) for light in known]
-    return found + [Emitter(light, -1, cause) for light, cause in unknown], names
+    found += [Emitter(light, -1, cause) for light, cause in unknown if rays & {*light.reaches}]
+    return found, names
 
 
 def world_lights(scene: Scene) -> list[WorldLight]:
@@ -65,18 +65,10 @@ def world_lights(scene: Scene) -> list[WorldLight]:
     if not world.known:
         return []
     portals = tuple(p for p in map(Portal.from_record, scene.light_records) if p)
-    reaches, found = _reaches(world), list[WorldLight]()
-    if any(world.radiance):
-        rgb = np.array(world.radiance)
-        found = [WorldLight(name=WORLD_NAME, rgb=rgb, portals=portals, reaches=reaches)]
-    return found + [
-        WorldLight(
-            name=WORLD_NAME,
-            rgb=np.full(3, sky.scale),
-            sky=sky,
-            portals=portals if sky.half == WHOLE else (),
-            reaches=reaches,
-        )
+    light = partial(WorldLight, name=WORLD_NAME, reaches=_reaches(world))
+    even = [light(rgb=np.array(world.radiance), portals=portals)] if any(world.radiance) else []
+    return even + [
+        light(rgb=np.full(3, sky.scale), sky=sky, portals=portals if sky.half == WHOLE else ())
         for sky in world.maps
         if sky.scale
     ]
@@ -84,14 +76,6 @@ def world_lights(scene: Scene) -> list[WorldLight]:
 
 def _reaches(seen: Instance | World) -> tuple[str, ...]:
     return tuple(ray for ray in RAYS if getattr(seen, f"visible_{ray}"))
-
-
-def _emitting_slots(scene: Scene, instance: Instance) -> list[tuple[int, Material]]:
-    """Return the slots whose material lights other surfaces."""
-    if instance.proxy:
-        return []
-    materials = [(k, scene.materials[m]) for k, m in enumerate(instance.materials)]
-    return [(k, m) for k, m in materials if m.emits or not m.emission_known]
 
 
 def _mesh_light(scene: Scene, instance: Instance, slot: int, material: Material) -> Light:

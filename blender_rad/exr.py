@@ -7,7 +7,7 @@ import json
 import os
 import unicodedata
 from collections.abc import Iterable, Mapping
-from itertools import chain, count
+from itertools import chain, count, product
 from typing import Any
 
 import numpy as np
@@ -49,12 +49,7 @@ def channel_names(names: Iterable[str]) -> dict[str, str]:
 def film_channels(
     film: Film, scene: Scene, efficacy_lm_W: float, passes: Iterable[str]
 ) -> dict[str, NDArray[Any]]:
-    """Return the channels of CONTRACT's `render`, each (h, w), that `passes` ask for.
-
-    Parameters
-    ----------
-    passes : of `PASSES`, and ``Light.<name>``.
-    """
+    """Return the channels of `passes`, each (h, w): of `PASSES`, and ``Light.<name>``."""
     weights = efficacy_lm_W * np.array(scene.luminance_weights)
     layers = channel_names(film.lights)
     channels = _triple("", "RGB", film.radiance) | {"A": film.alpha}
@@ -104,11 +99,8 @@ def write_exr(
     """Write float32 channels (h, w) to `path`, which appears whole or not at all."""
     import OpenEXR
 
-    attributes: dict[str, Any] = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        **(header or {}),
-    }
+    kind = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    attributes: dict[str, Any] = kind | dict(header or {})
     data = {name: np.ascontiguousarray(v, dtype=np.float32) for name, v in channels.items()}
     with atomic_path(path) as temporary, OpenEXR.File(attributes, data) as file:
         file.write(str(temporary))
@@ -117,14 +109,9 @@ def write_exr(
 def read_picture(
     path: str | os.PathLike[str], chromaticities: tuple[float, ...] | None = None
 ) -> Pixels:
-    """Return the beauty pass (h, w, 3) of an EXR file, of ours or of Blender's.
+    """Return the beauty pass (h, w, 3) of an EXR file, as `read_passes` does.
 
     Colours become those of `chromaticities`, where these are given and the file states others.
-
-    Raises
-    ------
-    RadError
-        When the file cannot be read or holds no such picture.
     """
     passes, header = read_passes(path, ("Combined.RGB",))
     picture, stated = passes["Combined.RGB"], stated_chromaticities(header)
@@ -171,16 +158,15 @@ def read_passes(
     if view_layer is not None and view_layer not in views:
         raise unknown_name("view layer", view_layer, os.fspath(path), [*filter(None, views)])
     searched = views.values() if view_layer is None else [views[view_layer]]
-    for wanted in choices:
-        for passes in searched:
-            found: dict[str, Pixels] = {}
-            for name in (*wanted, *also):
-                layer, letters = name.split(".")
-                group = passes.get(layer, {})
-                if set(letters) <= set(group):
-                    found[name] = np.stack([group[letter] for letter in letters], axis=-1)
-            if set(wanted) <= set(found):
-                return found, header
+    for wanted, passes in product(choices, searched):
+        found: dict[str, Pixels] = {}
+        for name in (*wanted, *also):
+            layer, letters = name.split(".")
+            group = passes.get(layer, {})
+            if set(letters) <= set(group):
+                found[name] = np.stack([group[letter] for letter in letters], axis=-1)
+        if set(wanted) <= set(found):
+            return found, header
     listed = ", or ".join(" and ".join(wanted) for wanted in choices)
     held = {f"{layer}.{''.join(group)}" for passes in searched for layer, group in passes.items()}
     has = ", ".join(sorted(held))[:300] or "nothing"

@@ -34,14 +34,10 @@ class Links:
     def __init__(self, scene: Scene, visibility: Visibility, transmission: Transmission) -> None:
         self._linking: Mapping[str, Linking] = scene.linking
         self._all = Blockers(visibility.opaque, transmission)
-        alike: dict[bytes, Blockers] = {}
-        self._blockers: dict[str, Blockers] = {}
-        for name, linking in scene.linking.items():
-            own = linking.shadowing
-            if not own.all():
-                key = own.tobytes()
-                alike[key] = alike.get(key) or _among(scene, visibility, transmission, own)
-                self._blockers[name] = alike[key]
+        partly = {name: each for name, each in scene.linking.items() if not each.shadowing.all()}
+        alike = {each.shadowing.tobytes(): each.shadowing for each in partly.values()}
+        made = {k: _among(scene, visibility, transmission, own) for k, own in alike.items()}
+        self._blockers = {name: made[each.shadowing.tobytes()] for name, each in partly.items()}
 
     def blockers(self, light: str) -> Blockers:
         """Return what hides the light of that name."""

@@ -77,7 +77,7 @@ def match_factor(
 
 
 class Left(NamedTuple):
-    """What a fit leaves of the witness: mean square relative structure, and its standard error."""
+    """What a fit leaves of the witness: mean square relative structure."""
 
     square: float
     error: float
