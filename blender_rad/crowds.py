@@ -21,7 +21,7 @@ import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,6 @@ from .lights import RAYS, Light, LightSample
 from .lights._textured import TexturedLight
 from .lights.area import AreaLight
 from .lights.mesh import MeshLight
-from .lights.point import PointLight
 from .rays import Caster
 from .sampling import Points
 from .scene import Camera, Instance, Mesh, Scene
@@ -41,6 +40,7 @@ from .surfaces import Surface, dot, normalized
 
 if TYPE_CHECKING:
     from .direct import DirectLight
+    from .lights.point import PointLight
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -63,6 +63,7 @@ PLACE = ("position", "center")  # fields for where a light stands
 LOOSE = 1e-3  # of a light's size: how much wider its box is
 STEP = 1e-6  # of coordinates: where a ray goes on behind a box
 TINY = 1e-12  # [bu²], beside squared distances
+BY_LIGHT = "_rgb _bounds _is_found _kind_of _places _centre _size _brightness"
 FIRST_DIMENSION = 1 << 12  # of random numbers, beyond those of single lights
 
 
@@ -125,43 +126,6 @@ class Boxes:
         return following.take(2 * node + 1)
 
 
-class _Looks(NamedTuple):
-    """How lights look from far away; `intensity` (kinds, SIDE²) is over the `brightness`."""
-
-    centre: Singles
-    size: Singles
-    brightness: Singles
-    kind: Ints
-    intensity: Singles
-
-    def of(self, lights: Ints) -> _Looks:
-        """Return those of `lights` (k,)."""
-        return self._replace(
-            centre=self.centre[lights],
-            size=self.size[lights],
-            brightness=self.brightness[lights],
-            kind=self.kind[lights],
-        )
-
-    def sent(self, points: Floats, normals: Floats, lights: Ints) -> Singles:
-        """Return S (n, k) of `lights` (n, k), or the same (1, k), at n points."""
-        place, normal = points.astype(np.float32), normals.astype(np.float32)
-        x, y, z = (self.centre[:, k].take(lights) - place[:, k, None] for k in range(3))
-        squared = np.maximum(x * x + y * y + z * z, np.float32(TINY))
-        height = x * normal[:, 0, None] + y * normal[:, 1, None] + z * normal[:, 2, None]
-        cosine = np.maximum(height / np.sqrt(squared), np.float32(GRAZING))
-        table = self.kind.take(lights) * SIDE**2 + _bin(-x, -y, -z)
-        intensity = self.intensity.take(table) * self.brightness.take(lights)
-        return intensity * cosine / (squared + self.size.take(lights))
-
-    def most(self, low: Floats, high: Floats, corners: Floats) -> Singles:
-        """Return the most (boxes, n) that lights between corners (n, 3) send into boxes."""
-        gap = np.maximum(low - corners[:, 1, None], corners[:, 0, None] - high)
-        squared = np.sum(np.maximum(gap, 0.0) ** 2, axis=2) + self.size + TINY
-        peak = self.intensity.max(axis=1)[self.kind] * self.brightness
-        return (peak / squared).astype(np.float32)
-
-
 class Crowd:
     """Lights that share a layer; see above.
 
@@ -178,24 +142,24 @@ class Crowd:
         self._is_found = np.array([light.is_found for light in lights])
         self._kind_of, self._kinds, self._places = _alike(lights)
         low, high = self._bounds.swapaxes(0, 1)
-        self._looks = _Looks(
-            (0.5 * (low + high)).astype(np.float32),
-            (((high - low) ** 2).sum(axis=1) / 12.0).astype(np.float32),
-            (np.abs(self._rgb) @ weights).astype(np.float32),
-            self._kind_of,
-            np.array([_intensities(one, weights) for one, _ in self._kinds], dtype=np.float32),
-        )
+        self._centre = (0.5 * (low + high)).astype(np.float32)
+        self._size = (((high - low) ** 2).sum(axis=1) / 12.0).astype(np.float32)
+        self._brightness = (np.abs(self._rgb) @ weights).astype(np.float32)
+        tables = [_intensities(one, weights) for one, _ in self._kinds]
+        self._intensity = np.array(tables, dtype=np.float32)
         self._boxes = Boxes(surface.point, surface.normal)
-        order = np.concatenate(self._boxes.parts)
         counts = np.array([len(own) for own in self._boxes.parts])
-        everyone = np.arange(len(lights))[None]
+        order, everyone = np.concatenate(self._boxes.parts), np.arange(len(lights))[None]
         sent = [
-            self._looks.sent(surface.point[own], surface.normal[own], everyone)
+            self._sent(surface.point[own], surface.normal[own], everyone)
             for own in np.array_split(order, max(order.size // POINTS**2, 1))
         ]
         sums = np.add.reduceat(np.concatenate(sent), np.cumsum(counts) - counts, axis=0)
         self._mean = sums / counts[:, None].astype(np.float32)
-        self._most = self._looks.most(low, high, self._boxes.corners)
+        start, end = self._boxes.corners[:, :, None].swapaxes(0, 1)
+        gap = np.maximum(np.maximum(low - end, start - high), 0.0)
+        peak = self._intensity.max(axis=1)[self._kind_of] * self._brightness
+        self._most = (peak / (np.sum(gap * gap, axis=2) + self._size + TINY)).astype(np.float32)
         self._passing = np.ones_like(self._mean)
         self._settle()
 
@@ -215,11 +179,10 @@ class Crowd:
         """Return some of its `lights` (k,), in a layer."""
         one = copy.copy(self)
         one.emitter = replace(self.emitter, layer=layer)
-        for name in ("_rgb", "_bounds", "_is_found", "_kind_of", "_places"):
+        for name in BY_LIGHT.split():
             setattr(one, name, getattr(self, name)[lights])
         for name in ("_mean", "_most", "_passing"):
             setattr(one, name, getattr(self, name).take(lights, axis=1))
-        one._looks = self._looks.of(lights)
         one._settle()
         return one
 
@@ -253,7 +216,7 @@ class Crowd:
         """Return boxes (n,), lights near (n, k), what these send (n, k), and what all do (n,)."""
         box = self._boxes.of(points, normals)
         near = self._near.take(box, axis=0)
-        sent = self._looks.sent(points, normals, near)
+        sent = self._sent(points, normals, near)
         sent *= self._passing.take(box[:, None] * len(self._rgb) + near)
         return box, near, sent, sent.sum(axis=1) + self._others.take(box)
 
@@ -273,6 +236,17 @@ class Crowd:
         chosen = np.where(is_near, near[rows, column], entry - box * len(self._rgb))
         expected = np.where(is_near, sent[rows, column], self._rest.take(entry))
         return chosen, expected / total, expected
+
+    def _sent(self, points: Floats, normals: Floats, lights: Ints) -> Singles:
+        """Return S (n, k) of `lights` (n, k), or the same (1, k), at n points."""
+        place, normal = points.astype(np.float32), normals.astype(np.float32)
+        x, y, z = (self._centre[:, k].take(lights) - place[:, k, None] for k in range(3))
+        squared = np.maximum(x * x + y * y + z * z, np.float32(TINY))
+        height = x * normal[:, 0, None] + y * normal[:, 1, None] + z * normal[:, 2, None]
+        cosine = np.maximum(height / np.sqrt(squared), np.float32(GRAZING))
+        table = self._kind_of.take(lights) * SIDE**2 + _bin(-x, -y, -z)
+        intensity = self._intensity.take(table) * self._brightness.take(lights)
+        return intensity * cosine / (squared + self._size.take(lights))
 
     @cached_property
     def _around(self) -> Caster:
@@ -309,14 +283,10 @@ class Crowd:
             found = replace(one, **at).look(points[own], normals[own], wi[own])
             distance[own], shown, density = found
             radiance[own] = shown.reshape(len(own), -1) * self._rgb.take(chosen, axis=0)
-            pdf[own] = PICKS * density * self._chance(points[own], normals[own], chosen)
+            box, near, sent, total = self._expected(points[own], normals[own])
+            sent = np.where(near == chosen[:, None], sent, 0.0).sum(axis=1)
+            pdf[own] = PICKS * density * (sent + self._rest[box, chosen]) / total
         return distance, radiance, pdf
-
-    def _chance(self, points: Floats, normals: Floats, lights: Ints) -> Floats:
-        """Return the chances (n,) of `lights` (n,)."""
-        box, near, sent, total = self._expected(points, normals)
-        mine = np.where(near == lights[:, None], sent, 0.0).sum(axis=1)
-        return (mine + self._rest[box, lights]) / total
 
     def sample(
         self, points: Floats, normals: Floats, uniform: Callable[[int], Floats]
@@ -325,8 +295,7 @@ class Crowd:
 
         Weights are over chance and number, so that the results add up.
         """
-        u = uniform(self._dimension)[:, 0]
-        chosen, chance, _ = self.pick(points, normals, u)
+        chosen, chance, _ = self.pick(points, normals, uniform(self._dimension)[:, 0])
         return self._sampled(points, normals, uniform, chosen, chance)
 
     @property
@@ -380,7 +349,6 @@ def _boxes_around(bounds: Floats) -> Caster:
     none = np.zeros(len(triangles), dtype=np.int32)
     mesh = Mesh("boxes", corners.astype(np.float32), triangles, None, none.astype(bool), none)
     there = [0] if len(low) else []
-    there = [0] if len(low) else []
     return Caster([mesh], [Instance("boxes", 0, np.eye(4), (0,))], there)
 
 
@@ -392,8 +360,8 @@ def _bounds(light: Light) -> tuple[Floats, Floats]:
     if isinstance(plain, AreaLight):
         half = 0.5 * (np.abs(plain.axis_u) + np.abs(plain.axis_v))
         return plain.center - half, plain.center + half
-    assert isinstance(plain, PointLight)
-    return plain.position - plain.radius, plain.position + plain.radius
+    point = cast("PointLight", plain)
+    return point.position - point.radius, point.position + point.radius
 
 
 def _alike(lights: Sequence[Light]) -> tuple[Ints, list[tuple[Light, str]], Floats]:
@@ -421,7 +389,7 @@ def _alike(lights: Sequence[Light]) -> tuple[Ints, list[tuple[Light, str]], Floa
 
 def _bin(x: Singles, y: Singles, z: Singles) -> Ints:
     """Return the bin of directions, which need no unit length, on an octahedron unfolded."""
-    length = np.maximum(np.abs(x) + np.abs(y) + np.abs(z), 1e-300)
+    length = np.maximum(np.abs(x) + np.abs(y) + np.abs(z), np.float32(TINY))
     u, v, below = x / length, y / length, z < 0.0
     s, t = np.copysign(1.0 - np.abs(v), u), np.copysign(1.0 - np.abs(u), v)
     place = [np.where(below, a, b) for a, b in ((s, u), (t, v))]
@@ -429,22 +397,18 @@ def _bin(x: Singles, y: Singles, z: Singles) -> Ints:
     return i * SIDE + j
 
 
-def _directions() -> Floats:
-    """Return the unit vectors (SIDE², 3) in the middles of the bins."""
+def _intensities(light: Light, weights: Floats) -> Floats:
+    """Return luminous intensities (SIDE²,) in the middles of the bins, over that of its `rgb`."""
     u, v = (np.indices((SIDE, SIDE)).reshape(2, -1) + 0.5) * (2.0 / SIDE) - 1.0
     z = 1.0 - np.abs(u) - np.abs(v)
     x = np.where(z < 0.0, np.copysign(1.0 - np.abs(v), u), u)
     y = np.where(z < 0.0, np.copysign(1.0 - np.abs(u), v), v)
-    return normalized(np.stack([x, y, z], axis=1))
-
-
-def _intensities(light: Light, weights: Floats) -> Floats:
-    """Return luminous intensities (SIDE²,) by direction, over the luminance of its `rgb`."""
-    directions, (low, high) = _directions(), np.array(_bounds(light))
+    directions = normalized(np.stack([x, y, z], axis=1))
+    low, high = _bounds(light)
+    away = FAR * (float(np.linalg.norm(high - low)) + 1e-3)
     index = np.arange(len(directions))
-    u = Points(0 * index, 0 * index, index, 1).pair(0)
-    away = FAR * (np.linalg.norm(high - low) + 1e-3)
-    sample = light.sample((low + high) / 2 + away * directions, -directions, u)
+    uniform = Points(0 * index, 0 * index, index, 1).pair(0)
+    sample = light.sample((low + high) / 2 + away * directions, -directions, uniform)
     tint = 1.0 if sample.tint is None else np.abs(sample.tint).mean(axis=1)
     found = np.abs(sample.weight) * tint * away**2
     peak = np.abs(light.peak_radiant_intensity()) @ weights / (np.abs(light.rgb) @ weights)
