@@ -174,7 +174,7 @@ def _again() -> None:
 def _wait() -> None:
     """Read soon: not in a handler, whose depsgraph is not done yet."""
     if not bpy.app.timers.is_registered(_again):
-        bpy.app.timers.register(_again, first_interval=beside.POLL_S)
+        bpy.app.timers.register(_again, first_interval=beside.POLL_S, persistent=True)
 
 
 @bpy.app.handlers.persistent

@@ -205,6 +205,13 @@ def test_animated_lumens_reach_renders_appends_and_a_blender_without_us(
         assert bpy.ops.radiometric.keys_to_power() == {'FINISHED'}
     assert rendered_energies((1, 6)) == pytest.approx(expected, rel=SINGLE)
 
+    driven = make('POINT').radiometry
+    driven.unit = "lm"
+    driven.driver_add("value").driver.expression = "100 * frame"
+    bpy.data.objects["Lamp"].hide_render = True
+    assert rendered_energies((1, 6)) == pytest.approx(np.array([100.0, 600.0]) / K_M, rel=SINGLE)
+    bpy.data.objects["Lamp"].hide_render = False
+
     file, out = tmp_path / "lamp.blend", tmp_path / "plain.json"
     still = make('SPOT', **SPOT)
     still.name = "Still"
