@@ -18,8 +18,8 @@ from blender_rad.lights.point import PointLight
 from blender_rad.lights.sun import SunLight
 from blender_rad.meters import LuxMeter, grid
 from blender_rad.rendering import Settings, render
-from blender_rad.scene import Camera, Instance, Material, Scene, World
-from tests.handmade import ball, moved, scene, square
+from blender_rad.scene import Camera, Instance, Scene, World
+from tests.handmade import moved, scene, square
 
 PROMISE = 1e-3  # CONTRACT: closed forms agree to 0.1 %
 ONE = np.ones(3)
@@ -108,7 +108,6 @@ SKY = {"world": World(radiance=(2.0, 2.0, 2.0))}
 BOARD = (5.0, moved(x=5.0, z=1.0))  # ends on the lights' middle line
 # Receiver, what lights it, what stands about, what arrives.
 KNOWN = {
-    "point": (FLOOR, lamp(10.0), [], 10 / 4),
     "tilted": (TILTED, lamp(10.0), [], 10 / 4 * np.cos(1.0)),
     "sphere": (FLOOR, lamp(10.0, radius=0.7), [], 10 / 4),
     "soft falloff": (FLOOR, lamp(10.0, radius=0.3, soft_falloff=True), [], 10 / 4.09),
@@ -118,9 +117,7 @@ KNOWN = {
         5 * rectangle(0.5, 0.4, (0, 1, 0), at=(0.5, 0.4)),
     ),
     "disc": (FLOOR, panel(5.0, 1.2, 1.2, ellipse=True), [], 20 * 0.36 / 4.36),
-    "sun": (FLOOR, sun(0.0), [], 3 * 0.8),
     "wide sun": (FLOOR, sun(0.1), [], 3 * 0.8),
-    "sky": (FLOOR, SKY, [], 2 * np.pi),
     "half of the sky": (FLOOR, SKY, [(1e4, facing((0, 1, 0), at=(0, -0.01, 0)))], np.pi),
     "half of a panel": (FLOOR, panel(5.0, 1.0, 1.0), [BOARD], 2.5 * rectangle(0.5, 0.5)),
     "no shadow": (FLOOR, lamp(10.0, cast_shadow=False), [(5.0, moved(z=1.0))], 10 / 4),
@@ -129,7 +126,7 @@ KNOWN = {
 
 
 @pytest.mark.parametrize("case", KNOWN)
-def test_what_arrives(case: str) -> None:
+def test_what_arrives(case):
     receiver, light, squares, expected = KNOWN[case]
     lights, others = ([], light) if isinstance(light, dict) else ([light], {})
     lens = (-TINY, TINY, -TINY, TINY), (1e-4, 1.0)
@@ -141,23 +138,7 @@ def test_what_arrives(case: str) -> None:
     assert read == pytest.approx(expected, rel=PROMISE, abs=1e-9)
 
 
-def test_furnace() -> None:
-    """A convex body of albedo 1 under a uniform sky cannot be told from the sky."""
-    body, white = ball(16, 32, smooth=False), Material("white", albedo=(1.0, 1.0, 1.0))
-    placed = [Instance("ball", 0, np.eye(4), (0,))]
-    film = render(scene([body], placed, [], materials=[white], **SKY), Settings(samples=64))
-    np.testing.assert_allclose(film.radiance, 2.0, rtol=1e-6)
-
-
-def test_mesh_emitter_hides_its_own_far_side() -> None:
-    """Two squares back to back, 1 m² of 7 W/(m² sr) each: only the lower one arrives."""
-    glow = Material("glow", emission=(7.0, 7.0, 7.0))
-    placed = [Instance(f"at {z}", 0, moved(z=z), (0,)) for z in (2.0, 2.01)]
-    made = scene([square(0.5)], placed, [], materials=[glow])
-    assert lux(made) == pytest.approx(7 * rectangle(0.5, 0.5), rel=PROMISE)
-
-
-def test_cie_171_5_2_point_and_lambertian_source() -> None:
+def test_cie_171_5_2_point_and_lambertian_source():
     """1000 cd, 3 m over 4 × 4 m: E = I h/d³, and I₀ h²/d⁴ for a small Lambertian source."""
     cells = grid(np.array([-2.0, -2.0, 0.0]), np.array([4.0, 0, 0]), np.array([0, 4.0, 0]), 0.5)
     d = np.linalg.norm(cells.points - (0, 0, 3), axis=1)
@@ -167,7 +148,7 @@ def test_cie_171_5_2_point_and_lambertian_source() -> None:
     np.testing.assert_allclose(lux(built([small]), cells.points), 9000 / d**4, rtol=PROMISE)
 
 
-def test_cie_171_5_3_area_source_on_floor_and_walls() -> None:
+def test_cie_171_5_3_area_source_on_floor_and_walls():
     """1 × 1 m of 1000 cd/m² in the ceiling of a room of 4 × 4 × 3 m."""
     made = built([panel(1000.0, 1.0, 1.0, 3.0)])
     floor = [(x, 0.3, 0.0) for x in (0.0, 0.5, 1.0, 1.9)]
@@ -177,7 +158,7 @@ def test_cie_171_5_3_area_source_on_floor_and_walls() -> None:
         np.testing.assert_allclose(lux(made, points, normal), expected, rtol=PROMISE)
 
 
-def test_cie_171_5_4_all_the_flux_arrives_in_a_closed_room() -> None:
+def test_cie_171_5_4_all_the_flux_arrives_in_a_closed_room():
     """Σ E A = Φ over the six faces of a black room of 4 × 4 × 3 m, a 10 000 lm lamp at 1.5 m."""
     made = built([lamp(10_000 / (4 * np.pi), 1.5)])
     corner, edges, flux = np.array([-2.0, -2.0, 0.0]), np.diag([4.0, 4.0, 3.0]), 0.0
@@ -187,7 +168,7 @@ def test_cie_171_5_4_all_the_flux_arrives_in_a_closed_room() -> None:
     assert flux == pytest.approx(10_000, rel=PROMISE)
 
 
-def test_cie_171_5_6_and_5_7_an_opening_without_and_with_an_obstruction() -> None:
+def test_cie_171_5_6_and_5_7_an_opening_without_and_with_an_obstruction():
     """A uniform emitter behind a hole of 2 × 2 m; then a board that hides one half of it."""
     wide = 50.0
     around = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
@@ -201,7 +182,7 @@ def test_cie_171_5_6_and_5_7_an_opening_without_and_with_an_obstruction() -> Non
     assert lux(built([behind], half), error=3e-4)[0] == pytest.approx(expected[0] / 2, rel=PROMISE)
 
 
-def test_error_bars_hold_in_half_shadow() -> None:
+def test_error_bars_hold_in_half_shadow():
     """A board hides a share of a panel that differs from meter to meter: 95 % within 1.96 errors.
 
     The truth is the same panel, cut where the board's edge is seen from the meter.

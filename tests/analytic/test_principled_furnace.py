@@ -12,30 +12,25 @@ from blender_rad.bsdfs.principled import emitted
 KIND = "ShaderNodeBsdfPrincipled"
 POINTS = 4096  # on a lattice, through the lobes' own sampling
 GOLDEN = 0.6180339887498949
-COSINES = (1.0, 0.8, 0.5, 0.2)
 LOST = 0.015  # at most, where every bounce is given back
 WHITE = dict.fromkeys(("Base Color", "Alpha", "Specular Tint", "Coat Tint", "Sheen Tint"), 1.0)
 INDICES = {"IOR": 1.5, "Coat IOR": 1.5, "Specular IOR Level": 0.5}
 DEFAULTS = WHITE | INDICES | {"Roughness": 0.5, "Coat Roughness": 0.03, "Sheen Roughness": 0.5}
+NOTHING = dict.fromkeys(("Metallic", "Anisotropic", "Anisotropic Rotation"), 0.0)
+NOTHING |= dict.fromkeys(("Transmission Weight", "Coat Weight", "Sheen Weight"), 0.0)
+NOTHING["Diffuse Roughness"] = 0.0
 COAT = {"Coat Weight": 1.0, "Coat Roughness": 0.5}
 CASES: dict[str, dict[str, float]] = {
-    "default": {},
-    "rough": {"Roughness": 1.0},
-    "metal": {"Metallic": 1.0, "Roughness": 1.0},
+    "rough metal": {"Metallic": 1.0, "Roughness": 1.0},
     "strong gloss": {"IOR": 2.0, "Specular IOR Level": 1.0, "Roughness": 0.4},
-    "coat": COAT,
-    "coated metal": COAT | {"Metallic": 1.0},
     "sheen": {"Sheen Weight": 1.0},
-    "rough diffuse": {"Diffuse Roughness": 1.0},
     "all": COAT | dict.fromkeys(("Metallic", "Sheen Weight", "Diffuse Roughness"), 0.4),
 }
 
 
 def white(case: dict[str, float], cosine: float, n: int = POINTS) -> Inputs:
     normal = np.tile([0.0, 0.0, 1.0], (n, 1))
-    names = ("Metallic", "Anisotropic", "Anisotropic Rotation", "Transmission Weight")
-    nothing = dict.fromkeys((*names, "Coat Weight", "Sheen Weight", "Diffuse Roughness"), 0.0)
-    values = {name: np.full((1, 3), x) for name, x in {**nothing, **DEFAULTS, **case}.items()}
+    values = {name: np.full((1, 3), x) for name, x in {**NOTHING, **DEFAULTS, **case}.items()}
     return Inputs(
         values={**values, "Coat Normal": normal},
         settings={"distribution": 'MULTI_GGX'},
@@ -54,19 +49,19 @@ def albedo(case: dict[str, float], cosine: float) -> float:
     return float(np.mean(value[:, 0] / np.where(density > 0.0, density, np.inf)))
 
 
-@pytest.mark.parametrize("cosine", COSINES)
+@pytest.mark.parametrize("cosine", (1.0, 0.2))
 @pytest.mark.parametrize("case", CASES)
-def test_nothing_is_won_and_little_lost(case: str, cosine: float) -> None:
+def test_nothing_is_won_and_little_lost(case, cosine):
     assert -LOST < albedo(CASES[case], cosine) - 1.0 < 1e-3
 
 
-def test_where_cycles_wins_light() -> None:
+def test_where_cycles_wins_light():
     """Below an index of 1 by the tables of its inverse, with smooth gloss between their nodes."""
     assert 1.5 < albedo({"IOR": 0.7}, 0.5) < 1.8
     assert 1.02 < albedo({"Roughness": 0.1}, 0.05) < 1.05
 
 
-def test_glass_wins_light_where_no_sample_of_it_goes() -> None:
+def test_glass_wins_light_where_no_sample_of_it_goes():
     """Facets that face away refract what is sent from lights, as in Cycles."""
     case, n, place = {"Transmission Weight": 1.0}, 1 << 16, np.arange(1 << 16)
     z, turn = 1.0 - (2.0 * place + 1.0) / n, 2.0 * np.pi * GOLDEN * place
@@ -77,7 +72,7 @@ def test_glass_wins_light_where_no_sample_of_it_goes() -> None:
     assert abs(albedo(case, 0.2) - 1.0) < 2e-3
 
 
-def test_emission_is_dimmed_by_what_covers_it() -> None:
+def test_emission_is_dimmed_by_what_covers_it():
     """By the albedo of the sheen and of the coat at normal incidence, 4 % of a smooth one."""
     half = {"Alpha": 0.5, "Coat Weight": 1.0, "Coat Roughness": 0.0, "Coat Tint": 0.25}
     assert np.allclose(emitted(white(half, 1.0)), 0.5 * 0.96 * 0.25, rtol=1e-3)

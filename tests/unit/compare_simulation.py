@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from blender_rad.compare import LightInfo
+from blender_rad.compare import Comparison, LightInfo, judge
 from blender_rad.film import Film
 
 Array = NDArray[np.float64]
@@ -49,6 +49,11 @@ def room() -> dict[str, Array]:
     }
 
 
+def scaled(layers: dict[str, Array], factor: float, *names: str) -> dict[str, Array]:
+    """The layers, those of `names` (of all, where none is given) times `factor`."""
+    return {n: v * (factor if n in (names or layers) else 1.0) for n, v in layers.items()}
+
+
 def film_of(
     layers: dict[str, Array],
     variance: float | Array = 0.0,
@@ -56,27 +61,23 @@ def film_of(
     **changes: object,
 ) -> Film:
     total = np.sum(list(layers.values()), axis=0)
-    picture = np.zeros(total.shape[:2])
+    flat = np.zeros(total.shape[:2])
     film = Film(
         radiance=total,
         variance=np.broadcast_to(np.asarray(variance, float), total.shape).copy(),
-        alpha=picture + 1.0,
+        alpha=flat + 1.0,
         lights={name: value.astype(np.float32) for name, value in layers.items()},
         noise=noise or {name: np.zeros(total.shape, np.float32) for name in layers},
         seen=np.zeros_like(total),
         irradiance=np.zeros_like(total),
-        depth=picture + 1.0,
+        depth=flat + 1.0,
         normal=np.zeros_like(total),
-        samples=picture.astype(np.int64) + 64,
-        inside=picture == 0,
-        excluded=picture != 0,
+        samples=flat.astype(np.int64) + 64,
+        inside=flat == 0,
+        excluded=flat != 0,
         excluded_by={},
     )
     return replace(film, **changes)
-
-
-def infos(layers: dict[str, Array], type_: str = 'POINT') -> list[LightInfo]:
-    return [LightInfo(name, type_, 1) for name in layers]
 
 
 @dataclass
@@ -91,3 +92,25 @@ class Witness:
         stack = np.stack(list(self.layers.values()))
         z = blue_noise(rng, (count, *stack.shape[:3]), self.tail)
         return np.einsum('jhwc,sjhw->shwc', stack, 1.0 + self.noise * z)
+
+
+def judged(
+    layers: dict[str, Array],
+    shown: dict[str, Array] | None = None,
+    noise: float = 0.024,
+    count: int = 8,
+    *,
+    seed: int = 1,
+    film: Film | None = None,
+    types: dict[str, str] | None = None,
+    **options: object,
+) -> Comparison:
+    """Judge seeds of what a witness shows, the same as ours where nothing else is said.
+
+    The measured total energy of 160×120 pixels is known to 7e-5 with 8 seeds of 64 samples; these
+    pictures are 2.5 times smaller each way, so their pixels are that much quieter.
+    """
+    shown = layers if shown is None else shown
+    seeds = Witness(shown, noise).seeds(np.random.default_rng(seed), count)
+    rows = [LightInfo(name, (types or {}).get(name, 'POINT'), 1) for name in layers]
+    return judge(film or film_of(layers), seeds, lights=rows, **options)

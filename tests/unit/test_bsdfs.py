@@ -8,7 +8,7 @@ import pytest
 
 from blender_rad.bsdfs import Frame, Lobe
 from blender_rad.bsdfs._diffuse import Diffuse
-from blender_rad.bsdfs._energy import clear, compensation, reflecting, remapped
+from blender_rad.bsdfs._energy import clear, reflecting, remapped
 from blender_rad.bsdfs._fresnel import (
     Conductor,
     Dielectric,
@@ -91,20 +91,6 @@ def test_tables_agree_with_facets_drawn_by_area(table, term, rough, cosine, rng)
     found = weight * term(alpha, wo, m)
     error = found.std() / np.sqrt(SAMPLES)
     assert abs(nodes[row, column] - found.mean()) < SIGMAS * error + TABLES
-
-
-def test_compensated_white_faces_send_back_everything(rng):
-    n, cosine, alpha = 40_000, 22.0 / 31.0, (25.0 / 31.0) ** 2
-    wo = np.tile([np.sqrt(1.0 - cosine**2), 0.0, cosine], (n, 1))
-    frame = Frame(*(np.tile(axis, (n, 1)) for axis in np.eye(3)))
-    rough = np.full(n, alpha)
-    lobe = Microfacet(np.ones((n, 3)), frame, wo, rough, rough)
-    value, density = lobe.evaluate(lobe.sample(rng.random((n, 2))))
-    ratio = value[:, 0] / np.maximum(density, 1e-300)
-    factor, dark = compensation(wo[:1, 2], rough[:1], np.ones((1, 1)))
-    error = ratio.std() / np.sqrt(n)
-    assert abs(ratio.mean() * factor[0, 0] - 1.0) < SIGMAS * error + TABLES
-    assert dark[0, 0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

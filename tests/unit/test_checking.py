@@ -50,7 +50,7 @@ class Noisy:
 
 
 @pytest.mark.parametrize("noise", [QUIET, LOUD])
-def test_seeds_are_bought_until_it_agrees(pictures: dict[float, np.ndarray], noise: float) -> None:
+def test_seeds_are_bought_until_it_agrees(pictures, noise):
     witness = Noisy(pictures[1.0], noise)
     result = Check(balls(), Terms()).against(witness)
     assert result.comparison.verdict == "agree"
@@ -59,15 +59,13 @@ def test_seeds_are_bought_until_it_agrees(pictures: dict[float, np.ndarray], noi
     assert len(witness.seeds) <= MAX_SEEDS
 
 
-def test_a_light_that_is_two_percent_off_is_bought_until_it_is_named(
-    pictures: dict[float, np.ndarray],
-) -> None:
+def test_a_light_that_is_two_percent_off_is_bought_until_it_is_named(pictures):
     found = Check(balls(), Terms()).against(Noisy(pictures[1.02], LOUD)).comparison
     assert found.verdict == "differ"
     assert [light.name for light in found.lights if light.verdict == "differ"] == ["Fill"]
 
 
-def test_what_no_budget_decides_is_said_at_once(pictures: dict[float, np.ndarray]) -> None:
+def test_what_no_budget_decides_is_said_at_once(pictures):
     witness = Noisy(pictures[1.0], HOPELESS)
     found = Check(balls(), Terms()).against(witness).comparison
     assert found.verdict == "undecided"
@@ -77,9 +75,7 @@ def test_what_no_budget_decides_is_said_at_once(pictures: dict[float, np.ndarray
     assert found.least_factor * FIRST_SEEDS > MAX_SEEDS
 
 
-def test_samples_are_bought_from_the_side_that_lacks_them(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_samples_are_bought_from_the_side_that_lacks_them(monkeypatch):
     monkeypatch.setattr(checking, "OUR_FIRST_SAMPLES", 4)
     soft = balls(radius=0.8)
     witness = Noisy(render(soft, Settings(samples=256, seed=9)).radiance, QUIET / 5.0)
@@ -88,7 +84,7 @@ def test_samples_are_bought_from_the_side_that_lacks_them(
     assert len(witness.seeds) < 2 * FIRST_SEEDS
 
 
-def test_fixed_samples_are_kept(pictures: dict[float, np.ndarray]) -> None:
+def test_fixed_samples_are_kept(pictures):
     witness = Noisy(pictures[1.0], LOUD)
     result = Check(balls(), Terms(samples=24)).against(witness)
     assert result.comparison.verdict == "undecided"

@@ -8,21 +8,30 @@ import math
 import numpy as np
 import pytest
 
-from blender_rad.compare import LightInfo, judge
 from blender_rad.compare.diagnosis import CAUSES, match_factor
-from tests.unit.compare_simulation import H, W, Witness, film_of, layer, room
+from tests.unit.compare_simulation import H, W, film_of, judged, layer, room, scaled
 
 NOISE = 0.012
 TYPES = {'Key': 'AREA', 'Fill': 'POINT', 'Sky': 'WORLD', 'Small': 'SPOT'}
+ROOM = room()
 
 
-def look(witness, *, seen=0.0, lights=None, seed=1, **clues):
-    layers = room()
-    film = film_of(layers)
-    film = film_of(layers, radiance=film.radiance + seen, seen=film.seen + seen)
-    rows = lights or [LightInfo(name, type_, 1) for name, type_ in TYPES.items()]
-    seeds = Witness(witness, NOISE).seeds(np.random.default_rng(seed))
-    return judge(film, seeds, lights=rows, **clues)
+def soft_key():
+    row, column = np.indices((H, W))
+    square = 174.0 + (column - 20.0) ** 2 + (row - 20.0) ** 2
+    return (12.0**3 / square**1.5)[..., None] * np.array([1.0, 0.9, 0.8])
+
+
+SOFT = soft_key()
+CLUE = {'Key': {'soft-falloff': SOFT}}
+DIMMED = {'Key': {'soft-falloff': 0.978 * ROOM['Key']}}
+LOCAL = [light for light in ROOM if light != 'Sky']
+
+
+def look(witness, *, seen=0.0, **clues):
+    film = film_of(ROOM)
+    film = film_of(ROOM, radiance=film.radiance + seen, seen=film.seen + seen)
+    return judged(ROOM, {**ROOM, **witness}, NOISE, film=film, types=TYPES, **clues)
 
 
 def names(found):
@@ -45,148 +54,112 @@ def names(found):
     ],
 )
 def test_one_light_off_by_a_number_is_named_and_no_other(name, factor, cause):
-    layers = room()
-    found = look({**layers, name: factor * layers[name]})
+    found = look({name: factor * ROOM[name]})
     assert found.verdict == 'differ'
     assert names(found) == {name: cause}
     finding = next(f for f in found.findings if f.code == cause)
+    (error,) = [light.standard_error for light in found.lights if light.name == name]
     assert finding.object == name
-    light = next(light for light in found.lights if light.name == name)
-    reach = 4.0 * light.standard_error
-    assert finding.effect_percent == pytest.approx(100.0 * (factor - 1.0), abs=100.0 * reach)
+    assert finding.effect_percent == pytest.approx(100.0 * (factor - 1.0), abs=400.0 * error)
 
 
 @pytest.mark.parametrize('seed', range(3))
 def test_noise_of_our_own_is_no_structure(seed):
-    rng, layers, relative = np.random.default_rng(seed), room(), 0.1
-    noise = {n: relative * v * rng.normal(size=(2, H, W, 1)) for n, v in layers.items()}
+    rng = np.random.default_rng(seed)
+    noise = {n: 0.1 * v * rng.normal(size=(2, H, W, 1)) for n, v in ROOM.items()}
     film = film_of(
-        {n: v + noise[n][0] for n, v in layers.items()},
-        sum((relative * v) ** 2 for v in layers.values()),
+        {n: v + noise[n][0] for n, v in ROOM.items()},
+        sum((0.1 * v) ** 2 for v in ROOM.values()),
         {n: drawn for n, (_, drawn) in noise.items()},
     )
-    seeds = Witness({**layers, 'Key': 0.9 * layers['Key']}, NOISE).seeds(rng)
-    found = judge(film, seeds, lights=[LightInfo(name, type_) for name, type_ in TYPES.items()])
+    found = judged(ROOM, scaled(ROOM, 0.9, 'Key'), NOISE, film=film, types=TYPES, seed=seed + 9)
     assert names(found) == {'Key': 'scale'}
     assert {f.code for f in found.findings} == {'scale', 'tiles-differ'}
 
 
-def test_unit_scale_squared_on_what_falls_off():
-    layers, scale = room(), 0.1
-    off = {n: v * (1.0 if n == 'Sky' else scale**2) for n, v in layers.items()}
-    found = look(off, unit_scale_m=scale)
-    assert names(found) == dict.fromkeys(['Key', 'Fill', 'Small'], 'unit-scale')
-    assert names(look(off)) == dict.fromkeys(['Key', 'Fill', 'Small'], 'scale')
+TWICE, BRIGHT = scaled(ROOM, 2.0), np.pad(np.full((6, 10, 3), 5.0), ((0, 42), (0, 54), (0, 0)))
 
 
-def test_one_factor_on_everything_is_film_exposure():
-    layers = room()
-    twice = {n: 2.0 * v for n, v in layers.items()}
-    found = look(twice)
-    assert set(names(found).values()) == {'film-exposure'}
-    assert [f.code for f in found.findings] == ['film-exposure', 'tiles-differ']
-    assert 'film-exposure' in names(look(twice, film_exposure=2.0)).values()
-    assert set(names(look(twice, film_exposure=1.5)).values()) == {'scale'}
+@pytest.mark.parametrize(
+    ('witness', 'clues', 'named'),
+    [
+        (scaled(ROOM, 0.01, *LOCAL), {'unit_scale_m': 0.1}, dict.fromkeys(LOCAL, 'unit-scale')),
+        (scaled(ROOM, 0.01, *LOCAL), {}, dict.fromkeys(LOCAL, 'scale')),
+        (TWICE, {}, 'film-exposure'),
+        (TWICE, {'film_exposure': 2.0}, 'film-exposure'),
+        (TWICE, {'film_exposure': 1.5}, 'scale'),
+        # what the camera sees of lights is exposed as well
+        (TWICE | {'seen': 2.0 * BRIGHT}, {'seen': BRIGHT}, 'film-exposure'),
+        (TWICE | {'seen': BRIGHT}, {'seen': BRIGHT}, 'scale'),
+        # a shape that the caller predicts, where it is the cause and where it is not
+        ({'Key': SOFT}, {'alternatives': CLUE}, {'Key': 'soft-falloff'}),
+        ({'Key': 0.9 * ROOM['Key']}, {'alternatives': CLUE}, {'Key': 'scale'}),
+        ({'Fill': 0.0 * ROOM['Fill']}, {'alternatives': CLUE}, {'Fill': 'hidden'}),
+        ({}, {'alternatives': CLUE}, {}),
+        # one that only scales is told by its factor
+        ({'Key': 0.978 * ROOM['Key']}, {'alternatives': DIMMED}, {'Key': 'soft-falloff'}),
+        ({'Key': 0.95 * ROOM['Key']}, {'alternatives': DIMMED}, {'Key': 'scale'}),
+        (
+            {'Key': SOFT, 'Fill': 0.0 * ROOM['Fill']},
+            {'alternatives': CLUE},
+            {'Key': 'soft-falloff', 'Fill': 'hidden'},
+        ),
+    ],
+)
+def test_causes_are_told_apart(witness, clues, named):
+    found = look(witness, **clues)
+    expected = named if isinstance(named, dict) else dict.fromkeys(names(found), named)
+    assert names(found) == expected
+    assert (found.verdict == 'differ') == bool(named) == bool(names(found))
+    if named == 'film-exposure':
+        assert [f.code for f in found.findings] == ['film-exposure', 'tiles-differ']
 
 
-def test_film_exposure_scales_what_the_camera_sees_too():
-    layers = room()
-    seen = np.zeros((H, W, 3))
-    seen[:6, :10] = 5.0
-    exposed = {**{n: 2.0 * v for n, v in layers.items()}, 'seen': 2.0 * seen}
-    assert set(names(look(exposed, seen=seen)).values()) == {'film-exposure'}
-    brighter = {**{n: 2.0 * v for n, v in layers.items()}, 'seen': seen}
-    assert set(names(look(brighter, seen=seen)).values()) == {'scale'}
-
-
-def soft_key():
-    row, column = np.indices((H, W))
-    square = 174.0 + (column - 20.0) ** 2 + (row - 20.0) ** 2
-    return (12.0**3 / square**1.5)[..., None] * np.array([1.0, 0.9, 0.8])
-
-
-def test_a_shape_that_the_caller_predicts_is_named_and_the_others_are_cleared():
-    layers, soft = room(), soft_key()
-    found = look({**layers, 'Key': soft}, alternatives={'Key': {'soft-falloff': soft}})
-    assert names(found) == {'Key': 'soft-falloff'}
+def test_a_shape_has_the_energy_that_it_predicts_and_the_others_are_cleared():
+    found = look({'Key': SOFT}, alternatives=CLUE)
     assert [light.verdict for light in found.lights[1:3]] == ['agree', 'agree']
-    expected = soft.sum() / layers['Key'].sum()
+    expected = SOFT.sum() / ROOM['Key'].sum()
     assert found.lights[0].scale_in_witness == pytest.approx(expected, abs=2e-3)
     finding = next(f for f in found.findings if f.code == 'soft-falloff')
     assert finding.effect_percent == pytest.approx(100.0 * (expected - 1.0), abs=1e-3)
 
 
-def test_a_shape_is_not_named_when_it_is_not_the_cause():
-    layers, soft = room(), soft_key()
-    clue = {'Key': {'soft-falloff': soft}}
-    darker, hidden = {'Key': 0.9 * layers['Key']}, {'Fill': 0.0 * layers['Fill']}
-    assert names(look({**layers, **darker}, alternatives=clue)) == {'Key': 'scale'}
-    assert names(look({**layers, **hidden}, alternatives=clue)) == {'Fill': 'hidden'}
-    assert look(layers, alternatives=clue).verdict != 'differ'
+@pytest.mark.parametrize(
+    ('witness', 'codes'),
+    [
+        ({'New': layer(60.0, 5.0, (0.02, 0.02, 0.02))}, {'extra-light'}),
+        ({'Key': SOFT}, {'extra-shadow', 'unexplained'}),
+    ],
+)
+def test_what_nothing_predicts_accuses_no_light(witness, codes):
+    found = look(witness)
+    assert found.verdict == 'differ' and names(found) == {}
+    assert codes & {f.code for f in found.findings}
 
 
-def test_an_alternative_that_only_scales_is_told_by_its_factor():
-    layers = room()
-    darker = {'Key': {'soft-falloff': 0.978 * layers['Key']}}
-    found = look({**layers, 'Key': 0.978 * layers['Key']}, alternatives=darker)
-    assert names(found) == {'Key': 'soft-falloff'}
-    found = look({**layers, 'Key': 0.95 * layers['Key']}, alternatives=darker)
-    assert names(found) == {'Key': 'scale'}
-
-
-def test_two_causes_at_once_are_both_named():
-    layers, soft = room(), soft_key()
-    both = {**layers, 'Key': soft, 'Fill': 0.0 * layers['Fill']}
-    found = look(both, alternatives={'Key': {'soft-falloff': soft}})
-    assert names(found) == {'Key': 'soft-falloff', 'Fill': 'hidden'}
-
-
-def test_light_that_none_of_ours_explains_is_found_and_accuses_no_light():
-    layers = room()
-    found = look({**layers, 'New': layer(60.0, 5.0, (0.02, 0.02, 0.02))})
-    assert found.verdict == 'differ'
-    assert 'extra-light' in {f.code for f in found.findings}
-    assert names(found) == {}
-
-
-def test_a_shape_that_nothing_predicts_accuses_no_light():
-    found = look({**room(), 'Key': soft_key()})
-    assert found.verdict == 'differ'
-    assert {'extra-shadow', 'unexplained'} & {f.code for f in found.findings}
-    assert names(found) == {}
-
-
-def test_a_group_of_mixed_types_has_only_signatures_that_all_of_them_can_have():
-    layers = {**room(), 'Twin': room()['Key']}
-    rows = [*(LightInfo(name, type_) for name, type_ in TYPES.items()), LightInfo('Twin', 'SPOT')]
-    for factor, cause in [(0.0, 'hidden'), (math.pi / 4, 'scale')]:
-        off = {n: v * (factor if n in {'Key', 'Twin'} else 1.0) for n, v in layers.items()}
-        seeds = Witness(off, NOISE).seeds(np.random.default_rng(3))
-        found = judge(film_of(layers), seeds, lights=rows)
-        assert names(found) == {'Key': cause, 'Twin': cause}
+@pytest.mark.parametrize(('factor', 'cause'), [(0.0, 'hidden'), (math.pi / 4, 'scale')])
+def test_a_group_of_mixed_types_has_only_signatures_that_all_of_them_can_have(factor, cause):
+    layers = {**ROOM, 'Twin': ROOM['Key']}
+    off, types = scaled(layers, factor, 'Key', 'Twin'), {**TYPES, 'Twin': 'SPOT'}
+    found = judged(layers, off, NOISE, types=types, seed=3)
+    assert names(found) == {'Key': cause, 'Twin': cause}
 
 
 def test_a_factor_that_several_causes_explain_lists_them():
-    found = look({**room(), 'Fill': 0.0 * room()['Fill']}, unit_scale_m=0.01)
+    found = look({'Fill': 0.0 * ROOM['Fill']}, unit_scale_m=0.01)
     assert names(found) == {'Fill': 'scale'}
     message = next(f for f in found.findings if f.code == 'scale').message
     assert message.startswith("one of hidden, unit-scale;")
 
 
-def codes(factor, error, type_, scale):
-    return [cause.code for cause, _ in match_factor(factor, error, {type_}, scale)]
-
-
 def test_factors_must_be_near_and_certain_and_hit_the_right_type():
-    assert codes(math.pi / 4, 1e-3, 'AREA', 1.0) == ['area-four-over-pi']
-    assert codes(math.pi / 4, 1e-3, 'SPOT', 1.0) == []
-    assert codes(math.pi / 4 + 0.01, 1e-3, 'AREA', 1.0) == []
-    assert codes(math.pi / 4, 0.1, 'AREA', 1.0) == []
-    assert codes(3.83, 0.02, 'POINT', 1.0) == ['efficacy-cycles-ies', 'efficacy-radiance']
-    assert codes(1.0, 1e-4, 'POINT', 1.0) == []  # a unit scale of 1 explains nothing
+    def codes(factor, error, type_, scale=1.0):
+        return [cause.code for cause, _ in match_factor(factor, error, {type_}, scale)]
 
-
-def test_every_cause_can_be_told_from_every_other():
+    assert codes(math.pi / 4 + 0.01, 1e-3, 'AREA') == []
+    assert codes(math.pi / 4, 0.1, 'AREA') == []
+    assert codes(3.83, 0.02, 'POINT') == ['efficacy-cycles-ies', 'efficacy-radiance']
+    assert codes(1.0, 1e-4, 'POINT') == []  # a unit scale of 1 explains nothing
     for cause in CAUSES:
         for value in cause.factors(0.1):
             type_ = (cause.types or 'SUN').split()[0]

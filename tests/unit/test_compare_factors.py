@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blender_rad.compare.factors import find_groups, fit, model_weights, problem_from_cells
+from blender_rad.compare.factors import find_groups, model_weights, problem_from_cells
 from blender_rad.compare.pools import cells_from_seeds, pool
 from blender_rad.compare.statistics import t_survival
 from tests.unit.compare_simulation import H, W, Witness, blue_noise, film_of, layer, room
@@ -57,19 +57,6 @@ def test_intervals_cover_and_are_centred(tail, shared):
     assert 0.95 - spread < covered.mean() < (0.95 + spread if shared is None else 1.01)
     z = (value.mean(axis=0) - 1.0) / (value.std(axis=0) / np.sqrt(repeats))
     assert (np.abs(z[: 4 if shared is None else 3]) < 4.0).all()
-
-
-def test_noise_in_our_layers_would_pull_one_factor_down_by_its_relative_variance():
-    rng = np.random.default_rng(4)
-    truth = 1.0 + rng.random((1, 60000))
-    halves = truth + 0.2 * 2**0.5 * rng.normal(size=(2, *truth.shape))
-    ours, drawn = halves.mean(axis=0), 0.5 * (halves[0] - halves[1])
-    target, weights = np.repeat(truth, 2, axis=0), np.ones((1, truth.shape[1]))
-    naive = float(fit(ours, 0 * ours, target, weights, np.zeros(truth.shape[1])).value[0])
-    known = fit(ours, drawn, target, weights, np.full(truth.shape[1], 0.04))
-    expected = 0.04 / np.mean(ours**2)
-    assert 1.0 - naive == pytest.approx(expected, rel=0.1)
-    assert abs(known.value[0] - 1.0) < 0.1 * expected + 3.0 * 0.2 / np.sqrt(60000)
 
 
 def test_weights_from_the_samples_themselves_bias_a_factor_and_ours_do_not():

@@ -11,7 +11,6 @@ import pytest
 
 from blender_rad.laws import ANGLES_DEG, Judged, judge
 from blender_rad.plausible import CHECKER, MEASURED, RANGES
-from blender_rad.report.furnace import write_furnaces
 from blender_rad.scene import Closure, Instance, Material, Unsupported
 from blender_rad.textures import Expression, constant
 from tests import handmade
@@ -142,13 +141,3 @@ def test_the_table_of_what_was_measured():
                 name = row.name.removesuffix(" of the ColorChecker")
                 assert row.value == pytest.approx(luminances[name], rel=5e-3)
     assert RANGES.keys() == MEASURED.keys()
-
-
-def test_the_picture_shows_what_can_be_judged(tmp_path):
-    from matplotlib.image import imread
-
-    fog = Material("fog", unsupported=(Unsupported("material", "fog", "Volume"),))
-    write_furnaces(judged(handmade.GREY, fog), tmp_path / "laws.png")
-    pixels = imread(tmp_path / "laws.png")[..., :3]
-    grey = 1.055 * 0.8 ** (1 / 2.4) - 0.055
-    assert np.mean(np.abs(pixels - grey).max(axis=2) < 0.003) > 0.004, "the ball at albedo 0.8"

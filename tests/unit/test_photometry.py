@@ -178,24 +178,13 @@ def test_every_type_gives_the_light_it_was_made_from(kind, directions):
     sphere = towards("C", gamma, np.arange(0, 360, 1.0) + 0.5).reshape(-1, 3)
     quadrature = 4 * np.pi * light.luminous_intensity(sphere).mean()
     assert light.interpolated_flux() == pytest.approx(quadrature, rel=1e-3)
+    up = parse(ies(lambda d: PEAK * np.maximum(d[..., 2], 0), kind))
+    assert up.beam_angle_deg(0) == pytest.approx(120, abs=0.5)
     light = parse(ies(lambertian, kind))
     assert light.luminous_flux() == pytest.approx(np.pi * PEAK, rel=4e-3)
     for c in (0, 90, 30):
         assert light.beam_angle_deg(c) == pytest.approx(120, abs=0.2)
         assert light.beam_angle_deg(c, 0.1) == pytest.approx(168.52, abs=0.2)
-
-
-@pytest.mark.parametrize(
-    ("intensity", "angle"),
-    [
-        (lambda d: PEAK * np.ones(d.shape[:-1]), 360),
-        (lambda d: PEAK * np.maximum(d[..., 2], 0), 120),  # up
-        (lambda d: PEAK * np.where(d[..., 2] < -0.1, d[..., 0] ** 2, 0), 80 * 2),  # a batwing
-    ],
-)
-def test_beam_angles(intensity, angle):
-    light = parse(ies(intensity, "C", (np.arange(0, 181, 5), np.arange(0, 361, 15))))
-    assert light.beam_angle_deg(0) == pytest.approx(angle, abs=6)
 
 
 @pytest.mark.parametrize(
@@ -313,29 +302,24 @@ def test_spellings_do_not_change_the_light(change):
 @pytest.mark.parametrize(
     ("text", "severity", "code"),
     [
-        (ies(lambda d: 0 * d[..., 0]), "error", "dark"),
         (ies(lambda d: PEAK * d[..., 0]), "error", "negative-intensity"),
         (ies(lamps="1 5000 1"), "error", "more-than-lamps"),
         (ies(lamps="0 13000 1"), "warning", "no-lamps"),
-        (ies(first="IES:LM-63-2030"), "warning", "unknown-edition"),
         (ies(factors="1 1 0"), "warning", "no-power"),
         (ies(factors="1 1 1"), "error", "efficacy"),
         (ies(size="30 1 0"), "warning", "opening-size"),
         (ies(grid=(np.arange(0, 171, 10), [0])), "warning", "table-cut"),
         (ies(grid=([0, 90, 60, 30, 180], [0])), "error", "angles-not-rising"),
-        (ies(grid=([0, 60, 60, 120, 180], [0])), "warning", "angle-twice"),
         (ies(lambda d: smooth(d[..., [2, 0, 1]]), "B", [[-90, -1, 90]] * 2), None, None),
         (ies(lambda d: PEAK * np.maximum(d[..., 0], 0) ** 9, "A"), "warning", "peak-off-axis"),
         (re.sub(r"\n\S+(?=[^\n]*\n$)", "\n0", ies()), "warning", "pole-differs"),
         (ies(lambda d: (-d[..., 2]).clip(0) ** 200, grid=GRID["C"]), "warning", "coarse-angles"),
         (ies() + "5 6 7\n", "warning", "trailing-values"),
-        (ies().replace("[LUM", "[_TOTALLUMINAIRELUMENS] 12000\n[LUM"), "warning", "flux-mismatch"),
         (ies().replace("[LUM", "[_ABSOLUTELUMENS] 6000\n[LUM"), "error", "flux-mismatch"),
         (ies().replace("hand-made", "Candela-> mW/sr"), "warning", "radiometric"),
         (ldt(l22="80"), "warning", "downward-fraction"),
         (ldt(l24="0"), "warning", "conversion-factor"),
         (ldt(l23="50"), "error", "flux-mismatch"),
-        (ldt(l25="15"), "info", "tilted-measurement"),
         ("\n\n" + ldt(), "info", "blank-lines"),
     ],
 )  # fmt: skip
@@ -354,11 +338,9 @@ def test_files_that_lie_are_findings(text, severity, code):
         (ies().replace("37 25", "37 26"), "the data ends after .* of .* numbers, a, line 32"),
         (ies().replace("1 1 50", "nan 1 50"), "'nan' is not a usable number, a, line 5"),
         (ies().replace("1 1 50", "1e19 1 50"), r"an intensity of .* expected less than 1e\+12 cd"),
-        (ies().replace("1 -1 1 ", "1 -1 0 "), "a multiplier of 0, a, line 4"),
         (ies(grid=([0, 90, 190], [0])), "an angle of 190°, a, line 6, expected 0° to 180°"),
         (ies(grid=([0, 90], [0, 30, 60])), "C planes from 0° to 60°, a, line 6"),
         (ies(kind="B", grid=([0, 90], [0])), "one horizontal angle, a, line 6"),
-        (ies(grid=([90, 90], [0])), "one vertical angle, a, line 6"),
         (ldt(l3="7"), "7 is not allowed, a, line 3, expected the symmetry indicator 0 to 4"),
         (ldt(l29="0"), "a lamp flux of 0, a, line 29"),
         (ldt(l46="x"), "'x' is not a usable number, a, line 46, expected 24 C planes"),
