@@ -47,9 +47,12 @@ class Said(NamedTuple):
 
 # fmt: off
 # Rules of one setting: code, setting, its only harmless value, effect [%], severity, what is said.
-PLAIN: tuple[tuple[str, str, object, float | None, Severity | None, str], ...] = (
+Effect = float | Callable[[Any], float] | None
+PLAIN: tuple[tuple[str, str, object, Effect, Severity | None, str], ...] = (
     ("engine", "render.engine", "CYCLES", None, None,
      "{} is no path tracer in units of light: take Cycles"),
+    ("film-exposure", "cycles.film_exposure", 1.0, lambda factor: 100.0 * (factor - 1.0), None,
+     "film exposure {:.4g} multiplies every EXR value: set it to 1, or divide by it"),
     ("clamp-indirect", "cycles.sample_clamp_indirect", 0.0, None, None,
      "indirect clamp {:.4g} cuts bright bounced samples, not direct light: set it to 0"),
     ("fast-gi", "cycles.use_fast_gi", False, None, "error",
@@ -154,13 +157,6 @@ def rule(code: str, fix: Mapping[str, Any] | None = None) -> Callable[[Rule], Ru
     if fix:
         FIXES[code] = dict(fix)
     return lambda function: RULES.setdefault(code, function)
-
-
-@rule("film-exposure", {"cycles.film_exposure": 1.0})
-def _film_exposure(lint: Lint) -> Iterator[Said]:
-    if (factor := lint["cycles.film_exposure"]) != 1.0:
-        said = "multiplies every EXR value: set it to 1, or divide by it"
-        yield Said(f"film exposure {factor:.4g} {said}", 100.0 * (factor - 1.0))
 
 
 @rule("view-exposure")
@@ -338,7 +334,8 @@ def _finding(code: str, said: Said) -> Finding:
 def _said(lint: Lint) -> Iterator[tuple[str, Said]]:
     for code, setting, harmless, effect, severity, message in PLAIN:
         if (value := lint[setting]) != harmless:
-            yield code, Said(message.format(value), effect, severity)
+            known = effect(value) if callable(effect) else effect
+            yield code, Said(message.format(value), known, severity)
     yield from ((code, said) for code, one in RULES.items() for said in one(lint))
     for name, note in light_notes(lint.scene):
         severity = "error" if note.code in CERTAIN else "info"

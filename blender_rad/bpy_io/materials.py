@@ -8,6 +8,7 @@ the camera looks first.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -146,25 +147,17 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     features += ["Volume"] * bool(volume)
     features += ["Displacement"] * displaced
     features += ["Bump from displacement"] * (height and not displaced and normal is None)
-    albedo, albedo_texture = nodes.split(each for each in shaded if isinstance(each, Expression))
-    emission, emission_texture = nodes.split(rgb for _, rgb in glowing if rgb)
-    transmittance, transmittance_texture = nodes.split(rgb for rgb in passing if rgb)
-    holdout, holdout_texture = nodes.split(weight for weight in held if weight)
     name, asked = bl_material.name, tuple(ask.names) if ask else ()
     material = Material(
         name=name,
-        albedo=albedo,
-        albedo_texture=albedo_texture,
-        emission=emission,
-        emission_texture=emission_texture,
+        **_parts("albedo", (each for each in shaded if isinstance(each, Expression))),
+        **_parts("emission", (rgb for _, rgb in glowing if rgb)),
+        **_parts("transmittance", filter(None, passing)),
+        **_parts("holdout", filter(None, held)),
         emission_known=not dark,
         opaque=not (None in passing or half or volume or displaced),
-        transmittance=transmittance,
-        transmittance_texture=transmittance_texture,
         closures=tuple(each for each in shaded if isinstance(each, Closure)),
         normal=normal,
-        holdout=holdout,
-        holdout_texture=holdout_texture,
         glass=glass,
         measured=bool(asked),
         unsupported=tuple(
@@ -179,6 +172,12 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
         moved=displaced or any(_does(leaf, _SUBSURFACE) for leaf in closures),
         asked=asked,
     )
+
+
+def _parts(name: str, parts: Iterable[Expression]) -> dict[str, Any]:
+    """Return the sum of expressions as the two fields of a `Material`, constant and varying."""
+    constant_part, varying = nodes.split(parts)
+    return {name: constant_part, f"{name}_texture": varying}
 
 
 def _shaded(leaf: Leaf, corrected: bool, ask: Ask | None) -> Expression | Closure | str:

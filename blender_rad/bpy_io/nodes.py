@@ -92,9 +92,9 @@ def is_zero(found: Expression | None) -> bool:
     return found is not None and found.value is not None and not found.value.any()
 
 
-def input_number(leaf: Leaf, name: str, missing: float = 0.0) -> float | None:
-    """Return the constant of the leaf's input `name`; `missing` where the node has none such."""
-    return number(leaf.node.inputs[name], leaf.groups) if name in leaf.node.inputs else missing
+def input_number(leaf: Leaf, name: str) -> float | None:
+    """Return the constant of the leaf's input `name`; 0 where the node has none such."""
+    return number(leaf.node.inputs[name], leaf.groups) if name in leaf.node.inputs else 0.0
 
 
 def leaf_emission(leaf: Leaf, strength: str = "Strength", tint: str = "Color") -> Expression | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..lights import SkyMap
+from ..lights import RAYS, SkyMap
 from ..scene import Unsupported, World
 from ..textures import Expression, constant
 from . import nodes
@@ -44,14 +44,11 @@ def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
         radiance = nodes.BLACK
     elif unknown and not (maps or features):
         features = [unknown]
-    visible = bl_world.cycles_visibility
+    shown = {f"visible_{r}": getattr(bl_world.cycles_visibility, r) for r in ("camera", *RAYS)}
     return World(
         radiance=radiance,
         maps=maps,
-        visible_camera=visible.camera,
-        visible_diffuse=visible.diffuse,
-        visible_glossy=visible.glossy,
-        visible_transmission=visible.transmission,
+        **shown,
         known=not features,
         unsupported=tuple(Unsupported("world", bl_world.name, f) for f in features),
     )
