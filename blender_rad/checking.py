@@ -33,10 +33,11 @@ FIRST_SEEDS = 16  # with 8, one error bar in 50 is missed by three of its length
 FIRST_SAMPLES = 32  # a pixel and seed of the witness
 MAX_SEEDS = 128
 OUR_FIRST_SAMPLES = 32  # a pixel, the same for all: samples that follow the noise bias the mean
-OUR_MAX_SAMPLES = 512
+OUR_FIRST_MOST, OUR_MAX_SAMPLES = 512, 2048
 OUR_FIRST_ERROR = 0.1  # relative, of pixels: factors then hardly feel what noise our layers have
 MAX_GROWTH = 8.0  # of the samples from one round to the next
 MAX_ROUNDS = 4
+OUR_TIME = 0.5  # of what is left of a time limit
 
 
 class Witness(Protocol):
@@ -57,6 +58,7 @@ class Terms:
     ----------
     samples : a pixel on our side, and a pixel and seed on the witness's; None buys until decided.
     film_exposure : of the pictures, where it is not 1.
+    time_limit : [s] after which no more is rendered, but for a picture in work; None for no limit.
     """
 
     tolerance: float = 0.01
@@ -64,6 +66,7 @@ class Terms:
     samples: int | None = None
     threads: int | None = None
     film_exposure: float | None = None
+    time_limit: float | None = None
 
 
 @dataclass
@@ -130,6 +133,8 @@ class Check:
     def __init__(self, scene: Scene, terms: Terms, seed: int = 0) -> None:
         self.scene, self.terms = scene, terms
         self._clock = _Clock()
+        limit = math.inf if terms.time_limit is None else terms.time_limit
+        self._deadline = time.perf_counter() + limit
         self._settings = Settings(
             samples=terms.samples or OUR_FIRST_SAMPLES,
             threads=terms.threads,
@@ -141,16 +146,18 @@ class Check:
         self.film: Film = self._clock("ours", self._render_ours)
         excess = (self.film.relative_standard_error / OUR_FIRST_ERROR) ** 2
         if terms.samples is None and excess > 1.0:
-            self._sample_ours(math.ceil(excess * self._our_samples))
+            self._sample_ours(min(math.ceil(excess * self._our_samples), OUR_FIRST_MOST))
 
     def _sample_ours(self, samples: int) -> None:
-        self._settings = replace(self._settings, samples=min(samples, OUR_MAX_SAMPLES))
+        self._settings = replace(self._settings, samples=samples)
         self.film = self._clock("ours", self._render_ours)
 
     def _render_ours(self, other: Scene | None = None) -> Film:
+        left = (self._deadline - time.perf_counter()) * OUR_TIME
+        settings = replace(self._settings, time_limit=left if math.isfinite(left) else None)
         with bar("ours") as progress:
             scene, light = (other, None) if other else (self.scene, self._light)
-            film = render(scene, self._settings, light=light, progress=progress)
+            film = render(scene, settings, light=light, progress=progress)
         return left_out(film, self._coincident)
 
     def against_pictures(self, pictures: Pictures) -> Result:
@@ -169,9 +176,12 @@ class Check:
             budget = math.inf if fixed else 1.0 if last else MAX_SEEDS / len(pictures)
             judged = partial(judge, self.film, pictures, round_index=round_index, budget=budget)
             comparison = self._decide(judged)
+            if len(pictures) < FIRST_SEEDS:
+                comparison = self._out_of_time(comparison, len(pictures))
+                break
             if comparison.needed_factor is None:
                 break
-            ours, seeds = self._wanted(comparison, len(pictures))
+            ours, seeds = self._wanted(comparison, len(pictures), each)
             if last or fixed or (ours == self._our_samples and seeds == len(pictures)):
                 comparison = self._too_noisy(comparison)
                 break
@@ -187,25 +197,33 @@ class Check:
     def _our_samples(self) -> int:
         return self._settings.samples or OUR_FIRST_SAMPLES
 
-    def _wanted(self, comparison: Comparison, seeds: int) -> tuple[int, int]:
+    def _wanted(self, comparison: Comparison, seeds: int, each: int) -> tuple[int, int]:
         """Return our samples and the witness's seeds for the next round; no more if in vain.
 
-        With s our share of the variance, variance falls to 1/f for the fewest samples when ours
-        grow by f (s + √(s(1−s))) and the witness's by f (1−s + √(s(1−s))).
+        With s our share of the variance and r our samples over the witness's, variance falls to 1/f
+        for the fewest samples when ours grow by f (s + √(s(1−s)/r)), its by f (1−s + √(s(1−s)r)).
         """
         have = self._our_samples
         share = min(max(comparison.our_noise_share, 0.0), 1.0)
         at_best = share * have / OUR_MAX_SAMPLES + (1.0 - share) * seeds / MAX_SEEDS
         if comparison.least_factor * at_best > 1.0:
             return have, seeds
-        both = math.sqrt(share * (1.0 - share))
+        both, ratio = math.sqrt(share * (1.0 - share)), math.sqrt(have / (seeds * each))
         factor = min(comparison.needed_factor or 1.0, MAX_GROWTH)
-        ours = math.ceil(have * factor * (share + both))
-        theirs = math.ceil(seeds * factor * (1.0 - share + both))
-        return (
-            max(have, min(ours, OUR_MAX_SAMPLES)),
-            max(seeds, min(theirs, MAX_SEEDS)),
-        )
+        ours = math.ceil(have * factor * (share + both / ratio))
+        theirs = math.ceil(seeds * factor * (1.0 - share + both * ratio))
+        ours = max(have, min(ours, OUR_MAX_SAMPLES))
+        theirs = max(seeds, min(theirs, MAX_SEEDS))
+        spent = self._clock.seconds
+        cost = spent["ours"] * ours / have + spent["cycles"] * (theirs / seeds - 1.0)
+        in_vain = time.perf_counter() + cost > self._deadline
+        return (have, seeds) if in_vain else (ours, theirs)
+
+    def _out_of_time(self, comparison: Comparison, seeds: int) -> Comparison:
+        """Return the comparison without a verdict: too few seeds tell too little of their noise."""
+        message = f"the time limit came after {seeds} of the first {FIRST_SEEDS} pictures"
+        finding = Finding("out-of-time", "warning", "", message)
+        return replace(comparison, verdict="undecided", findings=(*comparison.findings, finding))
 
     def _too_noisy(self, comparison: Comparison) -> Comparison:
         """Return the comparison with what holds it up, and what would settle it."""
@@ -254,6 +272,8 @@ class Check:
             pictures: list[Pictures] = []
             with bar("witness") as progress:
                 for number, seed in enumerate(seeds):
+                    if number > 1 and time.perf_counter() > self._deadline:
+                        break
 
                     def part(share: float, done: int = number) -> None:
                         progress((done + share) / len(seeds))

@@ -139,6 +139,7 @@ class _Asked(NamedTuple):
     share: Share
     uniform: Callable[[int], Floats]
     passed: int
+    weight: Floats | None
     scattering: Scattering | None
 
 
@@ -181,14 +182,16 @@ class DirectLight:
         uniform: Callable[[int], Floats],
         passed: int = 0,
         scattering: Scattering | None = None,
+        *,
+        weight: Floats | None = None,
     ) -> Iterator[Arrival]:
         """Yield the light of emitters that reaches any of n points, in one part or two.
 
         `share` gives c (n,), as `Sightings.of` does, `uniform` points (n, 2) in [0, 1) for the
-        emitter of a number. `passed` transparent surfaces are in front of the points; `scattering`
-        is what closures do there.
+        emitter of a number. `passed` transparent surfaces are in front of the points, which let
+        `weight` (n,) pass; `scattering` is what closures do there.
         """
-        asked = _Asked(surface, share, uniform, passed, scattering)
+        asked = _Asked(surface, share, uniform, passed, weight, scattering)
         if scattering is not None:
             scattering.draw(uniform(DRAWN))
         for crowd in self.crowds:
@@ -296,7 +299,7 @@ class DirectLight:
         if not len(lit):
             return None
         seen, through, exclusions = self.seen(
-            emitter, surface, sample, cosine, lit, passed=asked.passed
+            emitter, surface, sample, cosine, lit, passed=asked.passed, weight=asked.weight
         )
         if emitter.cause is not None:
             exclusions = [Exclusion(lit[seen > 0.0], emitter.cause), *exclusions]
@@ -329,6 +332,7 @@ class DirectLight:
         lit: Ints,
         *,
         passed: int,
+        weight: Floats | None = None,
     ) -> tuple[Bools | Floats, Floats | None, list[Exclusion]]:
         """Return how much of their sample the points `lit` see (k,), by channel, and what is open.
 
@@ -348,7 +352,8 @@ class DirectLight:
         if not transmission.caster.count:
             return seen, None, []
         rows = np.flatnonzero(seen)
-        share, crossed = transmission.along(origins[rows], wi[rows], reach[rows], passed)
+        found = np.isfinite(sample.pdf[lit[rows]]) * (1.0 if weight is None else weight[lit[rows]])
+        share, crossed = transmission.along(origins[rows], wi[rows], reach[rows], passed, found)
         exclusions = [
             Exclusion(lit[rows[crossed == instance]], self.visibility.cause(int(instance)))
             for instance in np.unique(crossed[crossed >= 0])

@@ -360,7 +360,10 @@ class _Run:
         brdf: Floats = np.divide(self.albedo.at(surface), np.pi, order="F")
         irradiance, scattered = np.zeros_like(brdf), np.zeros_like(brdf)
         scattering = self.closures.at(surface)
-        own = self.light.arrivals(surface, share, lambda k: points.pair(k + 1), passed, scattering)
+        weight = None if batch.weight is None else batch.weight.max(axis=1).take(batch.hits)
+        own = self.light.arrivals(
+            surface, share, lambda k: points.pair(k + 1), passed, scattering, weight=weight
+        )
         for arrival in own:
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:

@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CUTOFF = 1e-5  # what lets less pass than that lets nothing pass in Cycles
+LEAK = 1e-3  # of a light: what may or may not come through counts as nothing if it is no more
 
 
 def shaded_layers(scene: Scene) -> int:
@@ -47,7 +48,7 @@ class Transmission:
         return share
 
     def along(
-        self, origins: Floats, directions: Floats, reach: Floats, passed: int
+        self, origins: Floats, directions: Floats, reach: Floats, passed: int, found: Floats
     ) -> tuple[Floats, Ints]:
         """Return what of the light comes through, and what leaves that open.
 
@@ -55,6 +56,7 @@ class Transmission:
         ----------
         origins, directions, reach : of n rays; directions to what is not infinitely far end on it.
         passed : surfaces that the camera's rays have passed before.
+        found : (n,) the share that these let pass, 0 where Cycles' BSDF sampling finds no light.
 
         Returns
         -------
@@ -64,7 +66,8 @@ class Transmission:
         -----
         Cycles counts the surfaces that the camera's ray has passed, and takes one too many for
         opaque. Before Blender 5, and where none may be passed, its BSDF sampling, which with that
-        of lights makes up the whole, lets one more pass: there what comes through is not known.
+        of lights makes up the whole, lets one more pass: there what comes through is not known,
+        but no more than all of it.
         """
         share, unknown = np.ones((len(origins), 3)), np.full(len(origins), -1)
         rows = np.arange(len(origins))
@@ -77,7 +80,7 @@ class Transmission:
             passing = self.at(surface)
             known = self._known.take(surface.material)
             if left == 0 and self._leaks:
-                known &= ~passing.any(axis=1)
+                known &= found.take(rows) * (share[rows] * passing).max(axis=1) <= LEAK
             share[rows[known]] *= passing[known] * (left > 0)
             doubt = rows[~known]
             unknown[doubt] = np.where(unknown[doubt] < 0, surface.instance[~known], unknown[doubt])

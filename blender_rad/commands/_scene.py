@@ -89,6 +89,9 @@ class PictureCommand(EngineCommand):
         "materials as they are, or all of them Lambert",
         default="full",
     )
+    time_limit: float | None = option(
+        values.number(0), "take no more samples after S seconds", metavar="S"
+    )
 
     def read(
         self, frame: int | None, *, need_camera: bool = True, **options: Any

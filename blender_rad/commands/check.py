@@ -109,7 +109,8 @@ class CheckOptions(PictureCommand, verb="check"):
                 said = f"expected a folder that can be made ({error.strerror})"
                 raise RadError("cannot write there", str(folder), said) from None
         read = time.perf_counter() - started
-        terms = Terms(self.tolerance, self.confidence, self.samples, self.threads, self.exposure)
+        asked = self.tolerance, self.confidence, self.samples, self.threads, self.exposure
+        terms = Terms(*asked, time_limit=self.time_limit and max(self.time_limit - read, 0.0))
         check = Check(scene, terms)
         witness, result = self._compare(check, bl_scene, scene, pictures)
         document = build_document(

@@ -36,7 +36,6 @@ class RenderOptions(PictureCommand, verb="render"):
         "layers with commas, or all (default: all but those by light)",
         metavar="LIST",
     )
-    time_limit: float | None = option(values.number(0), "stop after S seconds", metavar="S")
 
     def __post_init__(self) -> None:
         super().__post_init__()
