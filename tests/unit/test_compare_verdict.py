@@ -64,7 +64,7 @@ def test_equal_scenes_and_those_at_the_very_tolerance(layers, witness, never, to
 
 
 @pytest.mark.parametrize(
-    ('factor', 'verdict', 'repeats', 'seeds'), [(1.02, 'differ', 20, 32), (1.0, 'agree', 12, 16)]
+    ('factor', 'verdict', 'repeats', 'seeds'), [(1.02, 'differ', 15, 32), (1.0, 'agree', 10, 16)]
 )
 def test_buying_decides(factor, verdict, repeats, seeds):
     """Twice the tolerance on a light of over 1 % is always found, and equal scenes agree."""
