@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from functools import cache
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
@@ -66,19 +65,23 @@ def draw_quantity() -> None:
     if own.view == 'radiance' or shading != 'RENDERED' or not (viewport and film):
         return
     import gpu
+    import matplotlib as mpl
     import numpy as np
     from gpu_extras.presets import draw_texture_2d
+    from matplotlib.colors import LogNorm, Normalize
 
     from ..blender_rad.errors import RadError
-    from ..blender_rad.photometry.falsecolor import value_range
+    from ..blender_rad.photometry.falsecolor import COLOURS, value_range
     from ..blender_rad.quantities import QUANTITIES
 
     def pixels() -> tuple[Any, Any]:
         values = quantity(film, own.view, viewport.scene, own.efficacy)
         limits = value_range(values, own.scale, own.low or None, own.high or None)
-        place = _place(values, own.scale, limits)
-        image = np.where(np.isnan(place)[..., None], 0.25, _colours()[_index(place)])
-        return image, (limits, texture(_colours()[::-1, None]))
+        norm = {'log': LogNorm, 'linear': Normalize}[own.scale](*limits, clip=True)
+        colours = mpl.colormaps[COLOURS].with_extremes(bad="0.25")
+        lit = np.ma.masked_invalid(np.maximum(values, limits[0]))
+        ramp = texture(colours(np.linspace(1.0, 0.0, 256))[:, None])
+        return colours(norm(lit)), (limits, ramp)
 
     try:
         key = (own.view, own.scale, own.efficacy, own.low, own.high)
@@ -109,33 +112,6 @@ def quantity(film: Film, name: str, scene: Any, efficacy_lm_W: float) -> Any:
     if name == 'luminance':
         return film.radiance @ weights
     return np.where(np.isinf(film.depth), np.nan, film.irradiance @ weights)
-
-
-def _place(values: Any, scale: str, limits: tuple[float, float]) -> Any:
-    """Return where `values` lie between the limits, 0 to 1."""
-    import numpy as np
-
-    low, high = limits
-    if scale == 'log':
-        values, low, high = np.log(np.maximum(values, low)), np.log(low), np.log(high)
-    return np.clip((values - low) / (high - low), 0.0, 1.0)
-
-
-def _index(place: Any) -> Any:
-    import numpy as np
-
-    return (np.nan_to_num(place) * 255).astype(np.uint8)
-
-
-@cache
-def _colours() -> Any:
-    """Return 256 colours (256, 4)."""
-    import matplotlib as mpl
-    import numpy as np
-
-    from ..blender_rad.photometry.falsecolor import COLOURS
-
-    return mpl.colormaps[COLOURS](np.linspace(0.0, 1.0, 256))
 
 
 def _draw_legend(ramp: Any, scale: str, limits: tuple[float, float], unit: str) -> None:

@@ -31,7 +31,7 @@ story = {}
 
 def picture(name: str) -> None:
     file = OUT / f"{name}.png"
-    grab = ["import", "-window", "root", "+dither", "-colors", "128"]
+    grab = ["import", "-window", "root", "+dither", "-colors", "255"]
     subprocess.run([*grab, str(file)], check=True)
 
 
@@ -136,7 +136,8 @@ def walk() -> Steps:
 
     yield from desk()
     yield from type_lumens()
-    yield from press("Home", *["KP_Subtract"] * 4)
+    yield from press("Home")
+    yield from press(*["KP_Subtract"] * 4)
     yield from add("camera")
     yield from press("ctrl+alt+KP_0")
     yield from click(RENDER_TAB)
