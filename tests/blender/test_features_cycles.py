@@ -15,7 +15,19 @@ import bpy
 import pytest
 
 from .agreement import FINE, PICTURE, agrees, both_sides, cases, glow, lamp, look_at, square, stage
-from .reading import add, added, geometry_nodes, node, put, world
+from .reading import (
+    CUBE,
+    add,
+    added,
+    collection,
+    geometry_nodes,
+    light,
+    material,
+    node,
+    polygons,
+    put,
+    world,
+)
 
 SKY, FACING = {"Color": (0.3, 0.4, 0.6, 1)}, (0.5, -6, 3)
 Where = tuple[float, float, float]
@@ -32,10 +44,10 @@ def shown(kind: str, location: Where = (-1, 0.3, 1.4), **properties: Any) -> Non
     fill()
 
 
-def on_box(kind: str = 'POINT', light: dict[str, Any] | None = None, **box: Any) -> None:
+def on_box(kind: str = 'POINT', of_light: dict[str, Any] | None = None, **box: Any) -> None:
     """A box with properties, under a light with properties."""
     stage(**box)
-    lamp(kind, (-1, -1.2, 2.5), **{"shadow_soft_size": 0.1, **(light or {})})
+    lamp(kind, (-1, -1.2, 2.5), **{"shadow_soft_size": 0.1, **(of_light or {})})
 
 
 def rendered(**settings: Any) -> None:
@@ -125,6 +137,79 @@ def made_by_nodes() -> None:
         tree.links.new(each.outputs[0], join.inputs[0])
 
 
+# --- what is read of geometry -------------------------------------------------------------------
+
+
+def bodies() -> None:
+    """What Blender turns into triangles; the box is finer in renders."""
+    on_box()
+    put(bpy.data.objects["Box"].modifiers.new("Subdivision", 'SUBSURF'), levels=0, render_levels=3)
+    bpy.ops.object.text_add(location=(-1.5, -1.2, 0.1), rotation=(1.2, 0, 0))
+    bpy.ops.curve.primitive_bezier_circle_add(location=(-1.2, 0.3, 0.6), rotation=(0.5, 0.3, 0))
+    put(bpy.context.object, bevel_depth=0.2, scale=(0.6,) * 3)
+    for k, make in enumerate(
+        (bpy.ops.object.metaball_add, bpy.ops.surface.primitive_nurbs_surface_sphere_add)
+    ):
+        make(location=(1.6, 0.3 - 1.4 * k, 0.6))
+        bpy.context.object.scale = (0.5,) * 3
+
+
+def instances() -> None:
+    """Collections with a lamp in them, children of vertices, instances of geometry nodes."""
+    on_box(visible_camera=False)
+    bulb = light('POINT', "Bulb", energy=5, shadow_soft_size=0, location=(0, -0.3, 0.9))
+    source = bpy.data.collections.new("Source")
+    for member in (bulb, square("Part", scale=(0.2, 0.3, 1), rotation_euler=(0.7, 0.1, 0))):
+        bpy.context.scene.collection.objects.unlink(member)
+        source.objects.link(member)
+    for k in range(3):
+        host = add(f"Host {k}", location=(k - 1.4, -0.5, 0.5 + 0.1 * k))
+        host.instance_type, host.instance_collection = 'COLLECTION', source
+    for shows, place in ((False, (-1, 1, 1)), (True, (1, 1, 0.6))):
+        parent = square("Parent", location=place, scale=(0.5,) * 3)
+        add("Child", polygons("Child", *CUBE), parent=parent, scale=(0.2, 0.3, 0.2))
+        parent.instance_type, parent.show_instancer_for_render = 'VERTS', shows
+    ground = square("Ground", location=(1.3, -0.8, 0.4), scale=(0.5,) * 3)
+    tree, scatter = geometry_nodes(ground, "GeometryNodeInstanceOnPoints")
+    cube = node(tree, "GeometryNodeMeshCube", Size=(0.5, 0.4, 0.6))
+    tree.links.new(node(tree, "NodeGroupInput").outputs[0], scatter.inputs["Points"])
+    tree.links.new(cube.outputs[0], scatter.inputs["Instance"])
+
+
+def painted() -> None:
+    """One mesh for two, one of which is bevelled and has its own material; materials by face."""
+    on_box(visible_camera=False)
+    paints = [material(f"Paint {k}", "BsdfDiffuse", Color=(k, 0.3, 0.1)) for k in range(2)]
+    mesh = polygons("Cube", *CUBE)
+    for paint in paints:
+        mesh.materials.append(paint)
+    for face in mesh.polygons:
+        face.material_index = face.index % 3
+    mesh.polygons[5].material_index = 7  # beyond the slots: Cycles takes the last
+    turned = {"scale": (0.4,) * 3, "rotation_euler": (0.5, 0.3, 0.2)}
+    add("One", mesh, location=(-1, 0, 0.7), **turned)
+    other = add("Other", mesh, location=(1, -0.4, 0.7), **turned)
+    other.modifiers.new("Bevel", 'BEVEL')
+    put(other.material_slots[0], link='OBJECT', material=paints[1])
+
+
+def hidden() -> None:
+    """Of five squares in the way of light, only what is off in viewports alone is there."""
+    on_box()
+    squares = [
+        square(f"Square {k}", location=(0.9 * k - 2, -0.4, 0.6 + 0.2 * k), scale=(0.4,) * 3)
+        for k in range(5)
+    ]
+    squares[0].hide_render = squares[1].hide_viewport = True
+    for k, name in ((2, "Hidden"), (3, "Out")):
+        bpy.context.scene.collection.objects.unlink(squares[k])
+        collection(name).objects.link(squares[k])
+    bpy.data.collections["Hidden"].hide_render = True
+    bpy.context.view_layer.layer_collection.children["Out"].exclude = True
+    rays = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+    put(squares[4], **{f"visible_{ray}": False for ray in rays})
+
+
 BALL = {"shadow_soft_size": 0.3, "use_soft_falloff": False}
 BORDER = {"border_min_x": 0.2, "border_max_x": 0.9, "border_min_y": 0.1, "border_max_y": 0.8}
 TURNED = {"scale": (0.8, -0.1, 3), "rotation_euler": (0.5, 0.6, 0.2)}
@@ -142,7 +227,7 @@ CASES: dict[str, Callable[[], None]] = {
     "no-diffuse-rays": partial(on_box, visible_diffuse=False),
     "no-shadow-area": partial(on_box, 'AREA', {"use_shadow": False}),
     "no-shadow-sun": partial(on_box, 'SUN', {"use_shadow": False, "shadow_soft_size": 0}),
-    "negative": partial(on_box, light={"energy": -50.0}),
+    "negative": partial(on_box, of_light={"energy": -50.0}),
     "emitter": emitter,
     "emitter-scaled": partial(emitter, **TURNED),
     "emitter-copies": partial(emitter, 3),
@@ -158,6 +243,10 @@ CASES: dict[str, Callable[[], None]] = {
     "border": partial(rendered, use_border=True, use_crop_to_border=True, **BORDER),
     "aspect": partial(rendered, pixel_aspect_x=1.6),
     "unit-scale": unit_scale,
+    "bodies": bodies,
+    "instances": instances,
+    "shared-mesh": painted,
+    "hidden": hidden,
     "world": sky,
     "world-no-camera-rays": partial(sky, camera=False),
     "world-no-diffuse-rays": partial(sky, diffuse=False),

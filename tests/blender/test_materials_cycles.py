@@ -11,7 +11,18 @@ import bpy
 import numpy as np
 import pytest
 
-from .agreement import FINE, PICTURE, agrees, both_sides, cases, lamp, look_at, square, stage
+from .agreement import (
+    FINE,
+    PICTURE,
+    agrees,
+    both_sides,
+    cases,
+    lamp,
+    look_at,
+    square,
+    stage,
+    tiles_of,
+)
 from .reading import add, empty_scene, material, node, put, shows, sphere
 from .test_textures_cycles import lit_by, picture, with_uv
 
@@ -202,6 +213,96 @@ def test_what_is_measured_is_known_where_the_camera_looks_first() -> None:
     bpy.context.scene.camera.data.dof.use_dof = True
     (unknown,) = both_sides(ours=2, seeds=1, samples=1).scene.unsupported
     assert unknown.feature == "Diffuse BSDF"
+
+
+# --- materials one by one -------------------------------------------------------------------------
+
+
+def group_of(source: Wiring, **inputs: Any) -> Any:
+    """A group of Lambert whose colour is what a function of its tree gives."""
+    group = bpy.data.node_groups.new("Paint", 'ShaderNodeTree')
+    for name in inputs:
+        group.interface.new_socket(name, in_out='INPUT', socket_type='NodeSocketColor')
+    group.interface.new_socket("Out", in_out='OUTPUT', socket_type='NodeSocketShader')
+    node(group, "NodeGroupOutput", node(group, DIFFUSE, source(group)))
+    return group
+
+
+def painted(tree: Any, **muted: bool) -> Any:
+    """A group through a reroute, whose colour has a link that may be muted, less muted light."""
+    group = group_of(lambda inner: node(inner, "NodeGroupInput"), Tint=RED)
+    made = node(tree, "Group", node_tree=group, Tint=RED)
+    rgb = node(tree, "RGB")
+    rgb.outputs[0].default_value = (0.1, 0.2, 0.3, 1)
+    tree.links.new(rgb.outputs[0], made.inputs[0]).is_muted = "link" in muted
+    shown = node(tree, "AddShader", node(tree, "NodeReroute", made), node(tree, GLOW))
+    shown.mute = "node" in muted
+    return shown
+
+
+def mix(first: str, second: str, factor: float | None = None, **values: Any) -> Wiring:
+    """A mix of two closures, by the side that is seen unless by a number."""
+
+    def wire(tree: Any) -> Any:
+        side = node(tree, "NewGeometry").outputs["Backfacing"] if factor is None else factor
+        return node(tree, "MixShader", side, node(tree, first), node(tree, second, **values))
+
+    return wire
+
+
+def bare(tree: Any) -> Any:
+    """Nothing: a node that is linked to no output."""
+    return put(node(tree, "Emission"), mute=True)
+
+
+RED, GLOW = (0.8, 0.2, 0.1), "Emission"
+BRIGHT = {"Emission_Strength": 2.0, "Emission_Color": (0.5, 1, 0.2)}
+FLAT: dict[str, Wiring] = {
+    "lambert": partial(node, kind=DIFFUSE, Color=RED),
+    "rough diffuse": partial(node, kind=DIFFUSE, Roughness=0.5),
+    "bent diffuse": closure(DIFFUSE, "Normal", partial(node, kind="Bump")),
+    "light": partial(node, kind=GLOW, Color=(1, 0.5, 0.25), Strength=4),
+    "no light": partial(node, kind=GLOW, Strength=0),
+    "no node": bare,
+    "mix": mix(DIFFUSE, GLOW, 0.25),
+    "mix below": mix(DIFFUSE, GLOW, -3.0),
+    "mix above": mix(DIFFUSE, GLOW, 7.0),
+    "light behind": mix(DIFFUSE, GLOW),
+    "gloss": mix(DIFFUSE, GLOSSY, 0.25, Roughness=0.3),
+    "half clear": mix(DIFFUSE, TRANSPARENT, 0.3),
+    "clear behind": mix(DIFFUSE, TRANSPARENT, Color=RED),
+    "glass": partial(node, kind="BsdfGlass"),
+    "sum": lambda tree: node(tree, "AddShader", node(tree, DIFFUSE), node(tree, GLOW)),
+    "group": painted,
+    "muted link": partial(painted, link=True),
+    "muted node": partial(painted, node=True),
+    "noise in a group": lambda tree: node(tree, "Group", node_tree=group_of(noise)),
+    "principled": partial(node, kind=PRINCIPLED),
+    "alpha": partial(node, kind=PRINCIPLED, Alpha=0.5),
+    "glow": partial(node, kind=PRINCIPLED, **BRIGHT),
+    "glow of a coat": partial(node, kind=PRINCIPLED, **BRIGHT, Coat_Weight=1.0),
+    "glow and alpha": partial(node, kind=PRINCIPLED, **BRIGHT, Alpha=0.25),
+}
+TILE_OFF, TILE_NOISE = 0.002, 0.01
+
+
+@pytest.mark.feature("a tile each, from both sides, 0.2 %", area="Materials", rows=FLAT)
+@pytest.mark.parametrize("shading", ["full", "clay"])
+def test_materials_are_those_of_cycles(shading: Any) -> None:
+    """Squares above a floor under a sun."""
+
+    def show(name: str, place: Any) -> None:
+        wire, back = FLAT[name.removesuffix(" (back)")], name.endswith(" (back)")
+        turned = {"rotation_euler": (0, np.pi * back, 0), "scale": (0.5, 0.5, 1)}
+        square(name, material(name, wire), location=place, **turned, visible_diffuse=False)
+
+    empty_scene()
+    square("Floor", location=(0, 0, -1), scale=(50, 50, 1))
+    lamp('SUN', (0.3, 0.2, 1), angle=0.0)
+    known = [n for n in FLAT if shading == "full" or n != "glow of a coat"]  # Cycles' has no coat
+    names = [name + side for name in known for side in ("", " (back)")]
+    off = tiles_of(names, show, noise=TILE_NOISE, shading=shading)
+    assert not {name: each for name, each in off.items() if each > TILE_OFF}
 
 
 # --- normals and tangents -------------------------------------------------------------------------

@@ -12,18 +12,14 @@ import pytest
 
 from blender_rad.bpy_io.read import read_scene
 from blender_rad.emitters import emitters
-from blender_rad.scene import Mesh, Scene
+from blender_rad.scene import Scene
 
 from .reading import (
-    CUBE,
     SQUARE,
     add,
     camera,
-    collection,
     empty_scene,
-    geometry_nodes,
     light,
-    material,
     node,
     polygons,
     put,
@@ -42,121 +38,6 @@ def read(**options: Any) -> Scene:
     return read_scene(bpy.context.scene, **options)
 
 
-def mesh_of(scene: Scene, name: str) -> Mesh:
-    return scene.meshes[next(i.mesh for i in scene.instances if i.name == name)]
-
-
-def test_subdivision_is_that_of_the_render() -> None:
-    cube = add("Cube", polygons("Cube", *CUBE))
-    modifier = cube.modifiers.new("Subdivision", 'SUBSURF')
-    modifier.levels, modifier.render_levels = 0, 3
-    assert len(mesh_of(read(), "Cube").triangles) == 6 * 4**3 * 2
-
-
-@pytest.mark.parametrize("kind", ['FONT', 'CURVE', 'META', 'SURFACE'])
-def test_what_blender_turns_into_triangles_is_read(kind: str) -> None:
-    makers = {
-        'FONT': bpy.ops.object.text_add,
-        'CURVE': bpy.ops.curve.primitive_bezier_circle_add,
-        'META': bpy.ops.object.metaball_add,
-        'SURFACE': bpy.ops.surface.primitive_nurbs_surface_sphere_add,
-    }
-    makers[kind]()
-    if kind == 'CURVE':
-        bpy.context.object.data.bevel_depth = 0.1
-    scene = read()
-    assert [i.name for i in scene.instances] == [bpy.context.object.name]
-    assert len(scene.meshes[0].triangles) > 10
-
-
-def test_collection_instances_share_their_mesh() -> None:
-    lamps = collection(
-        "Lamps", ("Part", polygons("Part", *SQUARE)), ("Bulb", bpy.data.lights.new("Bulb", 'POINT'))
-    )
-    bpy.context.scene.collection.children.unlink(lamps)
-    for x in range(3):
-        placed = add(f"Place{x}", location=(x, 0, 0))
-        placed.instance_type, placed.instance_collection = 'COLLECTION', lamps
-    scene = read()
-    assert [i.name for i in scene.instances] == ["Part"] * 3
-    assert len(scene.meshes) == 1
-    assert not any(i.normals_in_world for i in scene.instances)
-    assert sorted(i.world_from_object[0, 3] for i in scene.instances) == [0, 1, 2]
-    assert [bulb.name for bulb in scene.lights] == ["Bulb"] * 3
-
-
-def test_vertex_instances_leave_out_the_instancer() -> None:
-    parent = add("Parent", polygons("Parent", *SQUARE))
-    add("Child", polygons("Child", *CUBE), parent=parent)
-    parent.instance_type, parent.show_instancer_for_render = 'VERTS', False
-    assert [i.name for i in read().instances] == ["Child"] * 4
-    parent.show_instancer_for_render = True
-    assert sorted(i.name for i in read().instances) == ["Child"] * 4 + ["Parent"]
-
-
-def test_geometry_nodes_instances_share_their_mesh() -> None:
-    ground = add("Ground", polygons("Ground", *SQUARE))
-    tree, scatter = geometry_nodes(ground, "GeometryNodeInstanceOnPoints")
-    cube = node(tree, "GeometryNodeMeshCube")
-    tree.links.new(node(tree, "NodeGroupInput").outputs[0], scatter.inputs["Points"])
-    tree.links.new(cube.outputs[0], scatter.inputs["Instance"])
-    scene = read()
-    assert [i.name for i in scene.instances] == ["Ground"] * 4
-    assert [len(mesh.triangles) for mesh in scene.meshes] == [12]
-
-
-def test_two_users_share_a_mesh_unless_modified() -> None:
-    mesh = polygons("Mesh", *SQUARE)
-    add("A", mesh)
-    b = add("B", mesh, location=(3, 0, 0))
-    scene = read()
-    assert len(scene.meshes) == 1
-    assert not any(i.normals_in_world for i in scene.instances)
-    b.modifiers.new("Bevel", 'BEVEL')
-    scene = read()
-    assert len(scene.meshes) == 2
-    assert all(i.normals_in_world for i in scene.instances)
-
-
-def test_object_materials_come_through_instances() -> None:
-    mesh = polygons("Mesh", *SQUARE)
-    red = material("Red", "BsdfDiffuse", Color=(1, 0, 0, 1))
-    add("A", mesh)
-    b = add("B", mesh)
-    b.material_slots[0].link = 'OBJECT'
-    b.material_slots[0].material = red
-    scene = read()
-    albedo = {i.name: scene.materials[i.materials[0]].albedo for i in scene.instances}
-    assert albedo["B"] == (1, 0, 0)
-    assert albedo["A"] == pytest.approx((0.8, 0.8, 0.8))
-
-
-def test_materials_by_face() -> None:
-    mesh = polygons("Cube", *CUBE)
-    for i in range(2):
-        mesh.materials.append(material(f"M{i}", "BsdfDiffuse", Color=(i, 0, 0, 1)))
-    for face in mesh.polygons:
-        face.material_index = face.index % 3
-    mesh.polygons[5].material_index = 7  # beyond the slots: Cycles takes the last
-    add("Cube", mesh)
-    scene = read()
-    names = [scene.materials[m].name for m in scene.instances[0].materials]
-    by_face = [names[s] for s in scene.meshes[0].slots[::2]]
-    assert by_face == ["Cube", "M0", "M1", "Cube", "M0", "M1"]
-
-
-def test_hidden_things_are_not_read() -> None:
-    add("Render", polygons("A", *SQUARE)).hide_render = True
-    collection("Hidden", ("Collection", polygons("B", *SQUARE))).hide_render = True
-    collection("Out", ("Excluded", polygons("C", *SQUARE)))
-    bpy.context.view_layer.layer_collection.children["Out"].exclude = True
-    add("Viewport", polygons("D", *SQUARE)).hide_viewport = True
-    unseen = add("Rays", polygons("E", *SQUARE))
-    for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-        setattr(unseen, f"visible_{ray}", False)
-    assert [i.name for i in read().instances] == ["Viewport"]
-
-
 def test_what_is_not_finite_is_left_out() -> None:
     broken = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (math.nan, 0, 0)]
     add("Half", polygons("Half", broken, [(0, 1, 2), (0, 1, 3)]))
@@ -164,9 +45,9 @@ def test_what_is_not_finite_is_left_out() -> None:
     add("Lost", polygons("Lost", *SQUARE), scale=(1e30,) * 3, parent=far)
     light('POINT', "Endless", energy=math.inf)
     scene = read()
-    assert len(mesh_of(scene, "Half").triangles) == 1
-    assert np.isfinite(mesh_of(scene, "Half").vertices).all()
     assert [i.name for i in scene.instances] == ["Half"]
+    assert len(scene.meshes[0].triangles) == 1
+    assert np.isfinite(scene.meshes[0].vertices).all()
     assert not scene.lights
     found = {f.object for f in scene.findings if f.code == "not-finite"}
     assert found == {"Half", "Lost", "Endless"}

@@ -15,10 +15,9 @@ import pytest
 from blender_rad.textures.arithmetic import OF_NUMBERS, OF_VECTORS
 from blender_rad.textures.colours import BLENDS
 
-from .agreement import FINE, PICTURE, TILE, agrees, both_sides, cases, lamp, look_at, square, stage
+from .agreement import FINE, PICTURE, agrees, both_sides, cases, lamp, square, stage, tiles_of
 from .reading import add, empty_scene, material, node, put, sphere, with_nodes
 
-COLUMNS = 12
 NODE = 0.004  # of a tile's mean: what is left are edges of steps, which both sides sample
 GOBO = 0.005  # of energy
 Wiring = Callable[[Any, Any], Any]
@@ -190,10 +189,11 @@ def lit_by(tree: Any, value: Any) -> Any:
     return node(tree, "Emission", scaled)
 
 
-def show(place: tuple[int, int], wire: Wiring) -> None:
+def show(name: str, place: Any) -> None:
     """A square that shows what a node gives."""
+    wire = NODES[name]
     shown = material("Show", lambda tree: lit_by(tree, wire(tree, node(tree, "UVMap"))))
-    at = {"location": (place[0] + 0.5, place[1] + 0.5, 0), "scale": (0.5, 0.5, 1)}
+    at = {"location": place, "scale": (0.5, 0.5, 1)}
     made = square("Square", shown, **at, visible_diffuse=False)
     paint = with_uv(made.data).color_attributes.new("Paint", 'BYTE_COLOR', 'POINT')
     colours = np.random.default_rng(3).random((4, 4)).astype(np.float32)
@@ -203,17 +203,8 @@ def show(place: tuple[int, int], wire: Wiring) -> None:
 @pytest.mark.feature("each node: tile 0.4 %", area="Shader nodes", rows=NODES)
 @pytest.mark.slow
 def test_every_node_is_that_of_cycles() -> None:
-    """A square a node, a tile a square, seen from above."""
     empty_scene()
-    rows = -(-len(NODES) // COLUMNS)
-    for k, wire in enumerate(NODES.values()):
-        show((k % COLUMNS, rows - 1 - k // COLUMNS), wire)
-    middle = (0.5 * COLUMNS, 0.5 * rows)
-    look_at((*middle, 0), (*middle, 5), type='ORTHO', ortho_scale=float(max(COLUMNS, rows)))
-    bpy.context.scene.camera.rotation_euler = (0, 0, 0)
-    sides = both_sides((TILE * COLUMNS, TILE * rows), ours=32, seeds=2, samples=32)
-    assert not sides.scene.unsupported
-    off = dict(zip(NODES, np.abs(sides.tiles()[0]), strict=False))
+    off = tiles_of(tuple(NODES), show, noise=NODE)
     assert not {name: each for name, each in off.items() if each > NODE}
 
 

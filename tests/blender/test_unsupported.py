@@ -24,7 +24,7 @@ MADE = "Strange"
 Build = Callable[[Any, Any], str]  # from the box and the lamp of a stage to the block's name
 
 
-def surface(kind: str, **inputs: Any) -> Build:
+def surface(kind: Any, **inputs: Any) -> Build:
     def build(box: Any, _: Any) -> str:
         box.data.materials[0] = material(MADE, kind, **inputs)
         return MADE
@@ -32,10 +32,12 @@ def surface(kind: str, **inputs: Any) -> Build:
     return build
 
 
-def noisy(box: Any, _: Any) -> str:
-    paint = material(MADE, lambda tree: node(tree, "BsdfDiffuse", node(tree, "TexNoise")))
-    box.data.materials[0] = paint
-    return MADE
+def noisy(tree: Any) -> Any:
+    return node(tree, "BsdfDiffuse", node(tree, "TexNoise"))
+
+
+def glowing_noise(tree: Any) -> Any:
+    return node(tree, "MixShader", node(tree, "TexNoise"), noisy(tree), node(tree, "Emission"))
 
 
 def output(socket: str, kind: str) -> Build:
@@ -142,7 +144,9 @@ CASES: dict[str, Build] = {
     "Subsurface Scattering": surface("SubsurfaceScattering"),
     "Principled BSDF with subsurface": surface(PRINCIPLED, Subsurface_Weight=0.5),
     "Principled BSDF with a thin film": surface(PRINCIPLED, Thin_Film_Thickness=400.0),
-    "Noise in a surface's colour": noisy,
+    "Noise in a surface's colour": surface(noisy),
+    "Noise in an emission": surface(glowing_noise),
+    "Bevel in a colour": surface(lambda tree: node(tree, "BsdfDiffuse", node(tree, "Bevel"))),
     "Displacement": output("Displacement", "Displacement"),
     "Volume of a material": output("Volume", "VolumePrincipled"),
     "Shadow catcher": on_box(is_shadow_catcher=True),
