@@ -30,6 +30,7 @@ from tests.blender.reading import (
     node,
     polygons,
     sphere,
+    with_nodes,
     world,
 )
 from tests.blender.test_world_cycles import picture
@@ -57,7 +58,7 @@ def build(kind: str, roughness: float) -> Any:
         panel.data.materials[0] = material("Glow", "ShaderNodeEmission", Strength=100.0)
     else:
         shown = material("Shown", principled, Metallic=1.0, Roughness=roughness)
-        tree = world().node_tree
+        tree = with_nodes(world())
         image = node(tree, "ShaderNodeTexEnvironment")
         image.image = picture(tuple(SKY), tuple(TEXEL))
         tree.links.new(image.outputs[0], tree.nodes["Background"].inputs[0])
