@@ -7,13 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .rays import Caster, Hits
 from .scene import Aperture, Camera
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # From the axes of panoramas, x ahead and z up (of mirror balls -y ahead), to a camera's, -z ahead.
 _CAMERA_FROM_PANORAMA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
@@ -28,7 +25,7 @@ class CameraRays(NamedTuple):
     directions: Floats  # (n, 3) unit
     reach: Floats  # (n,) [bu] to the far clipping plane; -inf where a panorama shows nothing
 
-    def met(self, caster: Caster) -> tuple[NDArray[np.int64], Hits]:
+    def met(self, caster: Caster) -> tuple[Ints, Hits]:
         """Return which rays (k,) meet a surface, and where."""
         hits = caster.intersect(self.origins, self.directions)
         met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= self.reach))

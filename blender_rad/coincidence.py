@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from .arrays import Bools, Ints
 from .cameras import camera_rays
 from .direct import DirectLight
 from .errors import Finding
@@ -23,9 +23,6 @@ from .film import Film, neighbourhood_mean
 from .rays import Caster, Hits
 from .scene import Camera, Mesh, Scene, Unsupported
 from .surfaces import RAY_OFFSET, Geometry, Surface, cross, dot, normalized
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 FEATURE = "faces coincide with those of "
 # Of the coordinates, by which triangles are moved: far more than float32 rounds.

@@ -24,8 +24,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .closures import Scattering
 from .crowds import Crowd
 from .emitters import Emitter, emitters
@@ -35,10 +35,6 @@ from .rays import Caster
 from .scene import Scene, Unsupported
 from .surfaces import Geometry, Surface, dot, pick
 from .transparency import Transmission
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Of the distance to a light: what lies nearer to it than this is the light.
 TARGET_SHORTENING = 1e-5

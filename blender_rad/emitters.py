@@ -8,15 +8,15 @@ from functools import partial
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats, Ints
 from .lights import RAYS, Light
 from .lights._environment import WHOLE
 from .lights.mesh import MeshLight
 from .lights.world import Portal, WorldLight
 from .rays import transform_points
 from .scene import Instance, Material, Mesh, Scene, Unsupported, World
-from .shading import Ints, context_on
+from .shading import context_on
 from .textures import Expression
 
 WORLD_NAME = "World"
@@ -98,9 +98,7 @@ def _mesh_light(scene: Scene, instance: Instance, slot: int, material: Material)
     return replace(light, rgb=np.ones(3), texture=texture)
 
 
-def _glow(
-    mesh: Mesh, instance: Instance, material: Material, chosen: Ints, *at: Any
-) -> NDArray[np.float64]:
+def _glow(mesh: Mesh, instance: Instance, material: Material, chosen: Ints, *at: Any) -> Floats:
     """Return the radiance of chosen triangles: `MeshLight.texture`."""
     triangle, uv, incoming = at
     context = context_on(mesh, instance, chosen[triangle], uv, incoming)

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .errors import Finding
 from .scene import Unsupported
 
-Image = NDArray[np.float64]
+Image = Floats
 
 REST = "(rest)"  # layer of the lights that matter too little for one of their own
 STUDENT_18 = 2.101 / 1.960  # 97.5 % quantile of Student's t, 18 degrees of freedom, over normal's
@@ -34,9 +35,9 @@ class Film:
     irradiance: Image  # [W/m²] on the shading normal
     depth: Image  # [m] along the view axis, inf for background
     normal: Image  # in world axes
-    samples: NDArray[np.int64]  # of the camera, a pixel
-    inside: NDArray[np.bool_]  # the border
-    excluded: NDArray[np.bool_]  # out of the comparison
+    samples: Ints  # of the camera, a pixel
+    inside: Bools  # the border
+    excluded: Bools  # out of the comparison
     excluded_by: dict[Unsupported, int]  # pixels for each cause
     findings: tuple[Finding, ...] = ()
     shown: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # of `seen`, by light
@@ -69,14 +70,14 @@ class Film:
         return float(np.sqrt(np.mean(ratio[self.inside])))
 
 
-def lift(values: Image, inside: NDArray[np.bool_]) -> Image:
+def lift(values: Image, inside: Bools) -> Image:
     """Return by how much `values` (h, w) exceed the mean of the pixels around, at least 1."""
     near = neighbourhood_mean(values, inside, own=False)
     above = (values > near) & (near > 0.0)
     return np.divide(values, near, out=np.ones_like(values), where=above)
 
 
-def neighbourhood_mean(values: Image, inside: NDArray[np.bool_], *, own: bool = True) -> Image:
+def neighbourhood_mean(values: Image, inside: Bools, *, own: bool = True) -> Image:
     """Return `values` (h, w, ...) averaged over the 3×3 pixels around each, of those `inside`.
 
     With `own` False a pixel itself does not count, unless it has no neighbours.

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats, Ints
 from .bsdfs import Frame, Lobe, Mixture
 from .bsdfs._diffuse import Diffuse, cosine_weighted
 from .cameras import camera_rays
@@ -33,9 +33,6 @@ from .scene import Material, Mesh, Scene
 from .shading import Shading, contexts
 from .surfaces import Geometry, Surface, dot, normalized
 from .textures import SOURCES, Context, Expression
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 ANGLES_DEG = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 85.0, 89.0, 89.9)
 PLACES = 64  # points on the surfaces of a material that varies
@@ -52,10 +49,10 @@ HERE = {
 class Response:
     """How a material answers beams at places (p) and angles (a), by channel; all (p, a, 3)."""
 
-    albedo: Array  # share of the light that leaves in all directions
-    furnace: Array  # what is seen in white surroundings
-    asymmetry: Array  # as above
-    least: Array  # the smallest f [1/sr]
+    albedo: Floats  # share of the light that leaves in all directions
+    furnace: Floats  # what is seen in white surroundings
+    asymmetry: Floats  # as above
+    least: Floats  # the smallest f [1/sr]
 
 
 @dataclass(frozen=True)
@@ -108,7 +105,7 @@ class Goniometer:
         barycentric = root * (1.0 - part), root * part
         return Spots(Hits(instance, np.concatenate(some), *barycentric, np.ones(PLACES)), None)
 
-    def _shares(self, number: int, index: int) -> Array:
+    def _shares(self, number: int, index: int) -> Floats:
         """Return the area of each triangle of an instance that has the material, about."""
         instance = self.scene.instances[number]
         if instance.proxy or index not in instance.materials:
@@ -140,7 +137,7 @@ class Goniometer:
         own = np.flatnonzero(self._geometry.surface(self._view.hits, axis).material == index)
         return self._view.take(own[:PLACES]) if len(own) else None
 
-    def surface(self, spots: Spots, towards: Array) -> Surface:
+    def surface(self, spots: Spots, towards: Floats) -> Surface:
         """Return the surface at spots, seen from `towards` (n, 3)."""
         surface = replace(self._geometry.surface(spots.hits, -towards), subpixel=spots.subpixel)
         bent = normalized(self._normals.at(surface))
@@ -148,7 +145,7 @@ class Goniometer:
         normal = np.where(bent.any(axis=1)[:, None], bent, surface.normal)
         return replace(surface, normal=np.asfortranarray(normal))
 
-    def front(self, spots: Spots) -> Array:
+    def front(self, spots: Spots) -> Floats:
         """Return the geometric normals (n, 3) of the front."""
         surface = self._geometry.surface(spots.hits, np.ones((len(spots.hits.instance), 3)))
         side = 1.0 if surface.backfacing is None else np.where(surface.backfacing, -1.0, 1.0)
@@ -178,7 +175,7 @@ class Goniometer:
         """Return the response of each spot at each angle, to `count` directions each."""
         shape = len(spots.hits.instance), len(angles_deg), count
         place, angle, index = (each.ravel() for each in np.indices(shape))
-        cosine: Array = np.cos(np.radians(angles_deg))[angle]
+        cosine: Floats = np.cos(np.radians(angles_deg))[angle]
         spots = spots.take(place)
         uniform = Points(place, angle, index, seed)
         turn = 2.0 * np.pi * Points(place, place, np.zeros_like(place), 0).pair(0)[:, 0]
@@ -210,7 +207,7 @@ class Goniometer:
         sent = np.where(leaving[:, None] > 0.0, sent, gathered)
         f = np.where(failed, 0.0, 1.0 / np.abs(leaving))[:, None] * sent
 
-        def mean(values: Array) -> Array:
+        def mean(values: Floats) -> Floats:
             return np.mean((values * weight[:, None]).reshape(*shape, 3), axis=2)
 
         both = np.maximum(mean(0.5 * (np.abs(sent) + np.abs(gathered))), 1e-12)
@@ -236,6 +233,6 @@ def _varies(expression: Expression) -> bool:
     return any(kind in SOURCES and kind not in BY_VIEW for kind, _ in expression.kinds - HERE)
 
 
-def _areas(mesh: Mesh) -> Array:
+def _areas(mesh: Mesh) -> Floats:
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles].astype(np.float64), 1, 0)
     return 0.5 * np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=1))

@@ -4,14 +4,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .scene import Scene
 from .shading import Shading
 from .surfaces import Geometry, Surface
 from .transparency import Transmission
-
-Floats = NDArray[np.float64]
 
 
 class Holdouts:

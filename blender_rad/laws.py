@@ -12,16 +12,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .bsdfs import BSDFS
 from .errors import Finding
 from .goniometer import ALONE, ANGLES_DEG, DIRECTIONS, Goniometer, Response, Spots, expressions
 from .plausible import RANGES, nearest
 from .scene import Material, Scene
 from .textures import Context, Expression, constant
-
-Array = NDArray[np.float64]
 
 REFINED, MOST = 4, 2048  # the brightest are looked at again by so many directions
 ENERGY = 0.005  # above 1, that is not yet a broken law: the error of so many directions
@@ -63,8 +61,8 @@ class Judged:
     max_albedo_angle_deg: float | None = None
     asymmetry: float | None = None  # the largest, of 2
     angles_deg: tuple[float, ...] | None = None
-    albedo: Array | None = None  # (a, 3) mean over the surface by angle of incidence
-    furnace: Array | None = None  # (a, 3) by angle of view
+    albedo: Floats | None = None  # (a, 3) mean over the surface by angle of incidence
+    furnace: Floats | None = None  # (a, 3) by angle of view
 
 
 def judge(scene: Scene) -> list[Judged]:
@@ -203,7 +201,7 @@ class Subject:
                 code = f"{quantity.replace(' ', '-').lower()}-{end}"
                 yield Finding(code, severity, name, f"{said} {nearest(quantity, value)}")
 
-    def _numbers(self) -> Iterator[tuple[str, str, Array]]:
+    def _numbers(self) -> Iterator[tuple[str, str, Floats]]:
         """Yield quantities of `RANGES`, their sockets, and their values (n, 1 or 3)."""
         contexts = list(self.goniometer.contexts(self.spots, self.index))
         material = self.material
@@ -225,13 +223,13 @@ class Subject:
                 yield "IOR", "IOR", _values(inputs["IOR"], 1, contexts)
 
 
-def _place(values: Array) -> tuple[int, int]:
+def _place(values: Floats) -> tuple[int, int]:
     """Return the indices of the greatest of values (p, a)."""
     point, angle = np.unravel_index(np.argmax(values), values.shape)
     return int(point), int(angle)
 
 
-def _values(expression: Expression, width: int, contexts: list[Context]) -> Array:
+def _values(expression: Expression, width: int, contexts: list[Context]) -> Floats:
     """Return the values (n, width) of an expression."""
     return np.concatenate(
         [np.broadcast_to(expression.evaluate(c), (len(c.incoming), width)) for c in contexts]

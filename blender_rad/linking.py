@@ -7,18 +7,13 @@ import copy
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from .arrays import Bools, Ints
 from .rays import Caster
 from .scene import Linking, Scene
 
 if TYPE_CHECKING:
     from .direct import Visibility
     from .transparency import Transmission
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 
 class Blockers(NamedTuple):

@@ -12,16 +12,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .cameras import camera_rays
 from .rays import Caster
 from .scene import Camera, Scene
 from .shading import Shading
 from .surfaces import Geometry, Surface, dot, normalized, pick
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 ALIKE = 0.7  # cosine between faces
 BESIDE = sorted(
@@ -67,7 +64,7 @@ class Measurement:
             missing = missing[~alike]
         return point, missing
 
-    def _alike(self, surface: Surface, rows: Ints, where: Floats) -> NDArray[np.bool_]:
+    def _alike(self, surface: Surface, rows: Ints, where: Floats) -> Bools:
         """Return whether the view at places (k, 2) meets what the points `rows` (k,) are on."""
         rays = camera_rays(self._camera, self._scene.resolution, where)
         met, hits = rays.met(self._caster)

@@ -23,9 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .scene import Instance, Mesh
-
-Floats = NDArray[np.float64]
 
 # Embree 4's constants, from its public headers.
 _TRIANGLE, _INSTANCE = 0, 121  # RTCGeometryType
@@ -50,13 +49,13 @@ _FAR = 1e37
 class Hits(NamedTuple):
     """What rays (n,) hit first; -1 and inf where they hit nothing."""
 
-    instance: NDArray[np.int64]  # index into the instances that the caster was built from
-    triangle: NDArray[np.int64]  # index into the triangles of the instance's mesh
+    instance: Ints  # index into the instances that the caster was built from
+    triangle: Ints  # index into the triangles of the instance's mesh
     u: Floats  # barycentric weights of the triangle's second and third corner
     v: Floats
     distance: Floats  # in units of the direction's length
 
-    def take(self, rows: NDArray[np.int64]) -> Hits:
+    def take(self, rows: Ints) -> Hits:
         """Return the hits of the rays `rows` (k,) alone."""
         return Hits._make(part.take(rows) for part in self)
 
@@ -194,7 +193,7 @@ class Caster:
         for scene in getattr(self, "_own", ()):
             _embree().rtcReleaseScene(scene)
 
-    def occluded(self, origins: Floats, directions: Floats, distances: Floats) -> NDArray[np.bool_]:
+    def occluded(self, origins: Floats, directions: Floats, distances: Floats) -> Bools:
         """Return (n,) whether anything lies within `distances` (n,) along the rays."""
         if not self.count or not len(origins):
             return np.zeros(len(origins), dtype=bool)

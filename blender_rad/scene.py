@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats
 from .errors import Finding
 from .lights import Light, LightRecord, Model, SkyMap
 from .textures import Expression
@@ -89,13 +90,13 @@ class Mesh:
     vertices: NDArray[np.float32]  # (n, 3) [bu]
     triangles: NDArray[np.int32]  # (m, 3) vertices, counter-clockwise seen from the front
     normals: NDArray[np.float32] | None  # (m, 3, 3) unit, by corner; None when all is flat
-    smooth: NDArray[np.bool_]  # (m,) where Cycles' shadow terminator offset acts
+    smooth: Bools  # (m,) where Cycles' shadow terminator offset acts
     slots: NDArray[np.int32]  # (m,) material slot of each triangle
     # UV maps, colours, and what else there is, (m, 3, k) at the corners. ``textures.UV`` is the map
     # that renders take, ``textures.GENERATED`` stands where that is not the place in the space:
     attributes: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     # Centre and half size (3,) of Generated coordinates, None if not known:
-    texture_space: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    texture_space: tuple[Floats, Floats] | None = None
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ class Instance:
 
     name: str  # of the object that it comes from
     mesh: int  # index into `Scene.meshes`
-    world_from_object: NDArray[np.float64]  # (4, 4)
+    world_from_object: Floats  # (4, 4)
     materials: tuple[int, ...]  # index into `Scene.materials` for each slot of the mesh
     visible_camera: bool = True
     visible_shadow: bool = True
@@ -120,8 +121,8 @@ class Instance:
 class Linking(NamedTuple):
     """What a light is for, (instances + 1,); the last of each is for what is none (a meter)."""
 
-    lit: NDArray[np.bool_]
-    shadowing: NDArray[np.bool_]  # what can hide it
+    lit: Bools
+    shadowing: Bools  # what can hide it
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ class Camera:
 
     name: str
     kind: str  # perspective, orthographic, or Blender's name of a panorama in small letters
-    world_from_camera: NDArray[np.float64]  # (4, 4) without scale
+    world_from_camera: Floats  # (4, 4) without scale
     # Left, right, bottom, top of the full frame: tangents for perspective, [bu] for orthographic, 0
     # to 1 in panoramas. Sensor fit, shift and pixel aspect are already in it:
     plane: tuple[float, float, float, float]

@@ -9,12 +9,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats, Ints
 from .scene import BLACK, Instance, Material, Mesh, Scene
 from .surfaces import Geometry, Surface, dot, normalized, pick
 from .tangents import around, tangents
-from .textures import GENERATED, NORMAL, TANGENT, Array, Context, Expression
-
-Ints = NDArray[np.int64]
+from .textures import GENERATED, NORMAL, TANGENT, Context, Expression
 
 
 class Shading:
@@ -38,7 +37,7 @@ class Shading:
         textures: list[Expression | None] = [getattr(m, varying) for m in materials]
         self._textures = {k: texture for k, texture in enumerate(textures) if texture}
 
-    def at(self, surface: Surface) -> Array:
+    def at(self, surface: Surface) -> Floats:
         """Return the colours (n, 3) of points on surfaces."""
         found = pick(self._colours, surface.material)
         every = contexts(self._scene, self._geometry, surface, self._textures)
@@ -70,13 +69,13 @@ def contexts(
             yield material, rows, context
 
 
-def _looked_up(table: NDArray[np.float32], points: Ints, slot: int) -> Array:
+def _looked_up(table: NDArray[np.float32], points: Ints, slot: int) -> Floats:
     """Return the values (n, 3) of a slot at `points` (n,) of a table (slots, points, 3)."""
     return table[slot].take(points, axis=0).astype(np.float64)
 
 
 def context_on(
-    mesh: Mesh, instance: Instance, triangle: Ints, uv: Array, incoming: Array
+    mesh: Mesh, instance: Instance, triangle: Ints, uv: Floats, incoming: Floats
 ) -> Context:
     """Return where points on a mesh are, and who looks at them.
 
@@ -100,7 +99,7 @@ def context_on(
     towards = normalized(incoming)
     side = np.where(dot(geometric, towards) < 0.0, -1.0, 1.0)[:, None]
 
-    def attribute(name: str) -> Array | None:
+    def attribute(name: str) -> Floats | None:
         if name == GENERATED and mesh.texture_space and name not in mesh.attributes:
             centre, size = mesh.texture_space
             return 0.5 + 0.5 * (local - centre) / np.where(size == 0.0, 1.0, size)

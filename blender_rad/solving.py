@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from .arrays import Floats
 
 HOLD = 1e-6  # weight of a factor's change, against the largest share: it decides only ties
 

@@ -29,13 +29,12 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .errors import RadError, unknown_name
 from .lights._emission import RANGE_K
 from .quantities import K_M, LIGHT_SPEED, PHOTOSYNTHETIC_NM, PLANCK
 
-Array = NDArray[np.float64]
 Limits = tuple[float, float]
 
 VISIBLE_NM: Limits = (380.0, 780.0)
@@ -52,8 +51,8 @@ class Spectrum:
     """A spectrum, of which only the shape counts."""
 
     name: str  # what was asked for
-    wavelengths: Array  # (n,) [nm], increasing; a single one is a line
-    density: Array  # (n,) relative spectral power, linear in between
+    wavelengths: Floats  # (n,) [nm], increasing; a single one is a line
+    density: Floats  # (n,) relative spectral power, linear in between
 
     @property
     def limits_nm(self) -> Limits:
@@ -66,7 +65,7 @@ class Spectrum:
         low, high = self.limits_nm
         return self.name if low == high else f"{self.name}, {low:g}–{high:g} nm"
 
-    def _per_watt(self, weight: Array, within: Limits = RANGE_NM) -> float:
+    def _per_watt(self, weight: Floats, within: Limits = RANGE_NM) -> float:
         """Return ∫ S weight dλ `within` over ∫ S dλ, by the trapezoidal rule."""
         x, y = self.wavelengths, self.density * weight
         inside = (x >= within[0]) & (x <= within[1])
@@ -174,24 +173,24 @@ def _colour() -> ModuleType:
     return colour
 
 
-def _observer(x: Array) -> Array:
+def _observer(x: Floats) -> Floats:
     """Return x̄, ȳ = V, z̄ of CIE 1931 at wavelengths (n,), as (3, n); 0 outside 360–830 nm."""
     table = _colour().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     bars = np.asarray(table.values).T
     return np.stack([np.interp(x, table.wavelengths, bar, left=0.0, right=0.0) for bar in bars])
 
 
-def _integral(x: Array, y: Array) -> float:
+def _integral(x: Floats, y: Floats) -> float:
     return float(np.sum(0.5 * np.diff(x) * (y[1:] + y[:-1])))
 
 
-def _grid(low: float, high: float) -> Array:
+def _grid(low: float, high: float) -> Floats:
     """Return both limits and every whole nanometre between."""
     return np.union1d(np.arange(math.ceil(low), high, dtype=np.float64), [low, high])
 
 
 def _tabulated(
-    name: str, table: tuple[Array, Array], limits: Limits | None, usual: Limits = RANGE_NM
+    name: str, table: tuple[Floats, Floats], limits: Limits | None, usual: Limits = RANGE_NM
 ) -> Spectrum:
     """Return a table between `limits`, or as much of it as is in the `usual` ones."""
     x, y = table
@@ -207,7 +206,7 @@ def _tabulated(
     return Spectrum(name, grid, density)
 
 
-def _numbers(name: str, kind: str, text: str) -> Array:
+def _numbers(name: str, kind: str, text: str) -> Floats:
     """Return the numbers of ``kind:number`` or ``rgb:number,number,number``."""
     try:
         numbers = np.array([float(entry) for entry in text.split(",")])
@@ -220,7 +219,7 @@ def _numbers(name: str, kind: str, text: str) -> Array:
     return numbers
 
 
-def _read_csv(path: Path) -> tuple[Array, Array]:
+def _read_csv(path: Path) -> tuple[Floats, Floats]:
     """Return wavelengths [nm] and spectral power of a file, headings aside."""
     expected = "expected two columns: rising wavelengths in nm, and powers of 0 or more"
     try:

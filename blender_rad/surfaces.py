@@ -19,11 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .rays import Hits, transform_points
 from .scene import Instance, Scene
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 T = TypeVar("T", bound=np.generic)
 
 # Ray origins leave the surface by this share of the coordinates' and the triangle's size: float32
@@ -46,7 +45,7 @@ class Surface:
     incoming: Floats  # towards the viewer
     epsilon: Floats  # [bu] how far a ray's origin must leave the surface
     cutoff: Floats  # cosine below which the shadow terminator offset acts, 0 where it does not
-    backfacing: NDArray[np.bool_] | None = None
+    backfacing: Bools | None = None
     subpixel: Ints | None = None  # index into the points of `Scene.measured`, if there are any
 
 

@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats
 from .scene import Mesh
-
-Floats = NDArray[np.float64]
 
 
 def tangents(mesh: Mesh, uv: NDArray[np.float32]) -> NDArray[np.float32]:
