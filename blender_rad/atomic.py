@@ -18,11 +18,6 @@ def atomic_path(path: str | os.PathLike[str]) -> Generator[Path, None, None]:
     suffix, since some writers choose their format by it. When the block raises, an interrupt
     included, the temporary file is removed and what stood at `path` before is untouched. Links
     are followed; pipes and devices are written to directly, since they cannot be replaced.
-
-    Raises
-    ------
-    OSError
-        The folder does not exist or cannot be written to, or the block wrote nothing.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():

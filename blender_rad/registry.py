@@ -13,10 +13,7 @@ Entry = TypeVar("Entry")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """A name-to-object table that imports its package's modules on first use.
-
-    Modules whose names begin with an underscore are left out; `kind` is what entries are called.
-    """
+    """A name-to-object table that imports its package's modules on first use, but `_` ones."""
 
     def __init__(self, package: str, kind: str) -> None:
         self._package, self._kind = package, kind

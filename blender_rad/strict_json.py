@@ -12,13 +12,7 @@ from typing import Any, cast
 
 
 def plain(value: object) -> Any:
-    """Return `value` made of dict, list, str, int, float, bool and None alone.
-
-    Raises
-    ------
-    TypeError
-        For a type that has no meaning in JSON.
-    """
+    """Return `value` made of dict, list, str, int, float, bool and None; `TypeError` where not."""
     if value is None or isinstance(value, (str, bool, int)):
         return value
     if isinstance(value, float):

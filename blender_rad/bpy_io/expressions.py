@@ -100,13 +100,7 @@ def _same(sockets: Any, wanted: Any) -> Any | None:
 
 
 def expression(socket: Any, groups: Groups = (), known: Known | None = None) -> Expression:
-    """Return what computes the value that `socket` gets.
-
-    Raises
-    ------
-    UnknownNodeError
-        Where a node that it depends on is not known.
-    """
+    """Return what computes the value that `socket` gets; `UnknownNodeError` names what is not."""
     known = {} if known is None else known
     end, output, groups, types = source(socket, groups)
     if output is None:

@@ -34,12 +34,8 @@ def open_scene(
     """Open a .blend, or import a .glb or .gltf into an empty file, and return its bpy.types.Scene.
 
     Scripts in the file do not run. The view layer chosen becomes the only one that renders.
-    `load_ui` keeps the file's own windows, for a copy to be saved.
-
-    Raises
-    ------
-    RadError
-        For a file that cannot be read, an unknown name, a missing camera.
+    `load_ui` keeps the file's own windows, for a copy to be saved. `RadError` for a file that
+    cannot be read, an unknown name, a missing camera.
     """
     file = Path(path)
     _load(file, load_ui)

@@ -24,12 +24,8 @@ KEPT = 1e-5  # relative: what a light may be off by after it was set, by roundin
 def scale_power(bl_scene: Any, name: str, factor: float) -> float:
     """Make a light `factor` times as bright; return its new energy or strength.
 
-    Data that other objects share is copied for this one first.
-
-    Raises
-    ------
-    RadError
-        Where that cannot be set here: linked data, or strengths inside node groups.
+    Data that other objects share is copied for this one first. `RadError` where that cannot be set
+    here: linked data, or strengths inside node groups.
     """
     local: Any = (o for o in bpy.data.objects if o.name == name and not o.library)
     bl_object, world = next(local, None), bl_scene.world

@@ -55,22 +55,12 @@ def read_depsgraph(
     *,
     shading: Shading = "full",
     model: Model = "cycles",
-    resolution: tuple[int, int] | None = None,
-    maps: tuple[SkyMap, ...] = (),
-    questions: list[Asking] | None = None,
-    live: bool = False,
+    resolution: tuple[int, int] | None = None,  # (width, height) in place of the scene's own
+    maps: tuple[SkyMap, ...] = (),  # of its world, measured before: renders cannot start others
+    questions: list[Asking] | None = None,  # gathers what Blender is to be asked after it
+    live: bool = False,  # of a viewport, which needs nothing of the files on the disk
 ) -> Scene:
-    """Return the scene of a render depsgraph, such as a render engine is given.
-
-    Parameters
-    ----------
-    shading : ``full`` keeps the materials, ``clay`` makes all that reflects Lambert 0.8.
-    model : what the lights' numbers mean.
-    resolution : (width, height) in pixels in place of the scene's own.
-    maps : of its world, measured before: a render cannot start another.
-    questions : gathers what Blender is to be asked after it.
-    live : of a viewport, which needs nothing of the files on the disk.
-    """
+    """Return the scene of a render depsgraph, such as a render engine is given."""
     bl_scene, render = depsgraph.scene, depsgraph.scene.render
     reader = Reader(depsgraph, shading, model, unit_scale(bl_scene), questions)
     reader.read()

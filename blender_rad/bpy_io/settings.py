@@ -7,8 +7,8 @@ import warnings
 from typing import Any
 
 _PLUMBING = {
-    *(f"CompositorNode{name}" for name in ("RLayers", "Composite", "Viewer")),
-    *(f"Node{name}" for name in ("GroupInput", "GroupOutput", "Reroute", "Frame")),
+    *("CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer"),
+    *("NodeGroupInput", "NodeGroupOutput", "NodeReroute", "NodeFrame"),
 }
 
 

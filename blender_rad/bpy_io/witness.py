@@ -172,12 +172,8 @@ class CyclesWitness:
         Pictures of different seeds are independent; `samples` are a pixel's. Persistent data keeps
         geometry and BVH from one seed to the next; the scene is tagged, since Cycles would
         otherwise repeat the seed before. `progress` is called with the fraction done, from a
-        thread of Blender's.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            After the picture in work: Cycles cannot be stopped from outside in the background.
+        thread of Blender's. `KeyboardInterrupt` comes after the picture in work: Cycles cannot be
+        stopped from outside in the background.
         """
         channels = self._channels(seed, samples, progress)
         picture = np.stack([channels[name] for name in "RGBA"], axis=-1)

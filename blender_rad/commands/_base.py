@@ -82,13 +82,7 @@ def flag_of(entry: Field[Any]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Command(ABC):
-    """A verb with its options, checked when it is made.
-
-    Raises
-    ------
-    RadError
-        For a value that is not allowed, and for options that exclude each other.
-    """
+    """A verb with its options, checked when it is made: `RadError` for those not allowed."""
 
     def __init_subclass__(cls, verb: str | None = None) -> None:
         if verb is not None:

@@ -28,10 +28,8 @@ def build_document(
 ) -> dict[str, Any]:
     """Return the document of one comparison.
 
-    Parameters
-    ----------
-    overridden : the witness's settings that were not the file's: name to (file's, used).
-    seconds : by step, beyond those in `result`.
+    `overridden` are the witness's settings that were not the file's, name to (file's, used);
+    `seconds` are by step, beyond those in `result`.
     """
     film, judged = result.film, result.comparison.to_json()
     findings = [*film.findings, *judged.pop("findings")]

@@ -36,10 +36,7 @@ def percent(value: float | None) -> str:
 
 
 def signed_percent(value: float | None, error: float | None = None) -> str:
-    """Return a signed fraction as percent, with its error: 0.02034, 0.0021 is '+2.03 % ± 0.21 %'.
-
-    Digits stop at the error's second one: finer ones say nothing.
-    """
+    """Return a signed fraction as percent, to its error's second digit: '+2.03 % ± 0.21 %'."""
     if value is None:
         return UNKNOWN
     size = error or abs(value)
