@@ -91,3 +91,11 @@ def test_fixed_samples_are_kept(pictures):
     assert (result.film.samples == 24).all()
     assert len(witness.seeds) == FIRST_SEEDS
     assert "noise-too-high" in {f.code for f in result.comparison.findings}
+
+
+def test_what_no_time_is_left_for_is_said(pictures):
+    witness = Noisy(pictures[1.0], QUIET)
+    found = Check(balls(), Terms(time_limit=0.0)).against(witness).comparison
+    assert found.verdict == "undecided"
+    assert len(witness.seeds) == 2
+    assert "out-of-time" in {f.code for f in found.findings}
