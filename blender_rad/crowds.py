@@ -51,7 +51,7 @@ MATTERS = 0.007  # share of the light with which a name keeps its layer; at 0.01
 SEEN, POINTS = 4096, 4  # points that are looked at, and how many of them a box has at most
 PAIRS = 1 << 22  # of points and lights, at most
 TRIES = 32  # lights that are tried at each of the points
-NEAR, PICKS = 24, 6
+NEAR, PICKS = 24, 8
 MANY_KINDS = 64
 FLAT = 0.1  # least √p, and least I over its peak
 GRAZING = 0.05  # least cosθ
@@ -85,7 +85,7 @@ class Boxes:
         cell = np.array([points.min(axis=0), points.max(axis=0)])
         self._depth = self._grow(where, np.arange(len(points)), cell, cells)
         self._tree = np.array(self._axis), np.array(self._split), np.array(self._next).ravel()
-        self.corners = np.array(cells)
+        self.corners = np.array(cells, dtype=np.float32)
 
     def _grow(self, where: Floats, own: Ints, cell: Floats, cells: list[Floats]) -> int:
         """Add the node of the points `own` in a `cell`, and those below; return their depth."""
@@ -156,10 +156,11 @@ class Crowd:
         ]
         sums = np.add.reduceat(np.concatenate(sent), np.cumsum(counts) - counts, axis=0)
         self._mean = sums / counts[:, None].astype(np.float32)
-        start, end = self._boxes.corners[:, :, None].swapaxes(0, 1)
-        gap = np.maximum(np.maximum(low - end, start - high), 0.0)
-        peak = self._intensity.max(axis=1)[self._kind_of] * self._brightness
-        self._most = (peak / (np.sum(gap * gap, axis=2) + self._size + TINY)).astype(np.float32)
+        squared = np.broadcast_to(self._size + np.float32(TINY), self._mean.shape).copy()
+        for (start, end), least, greatest in zip(self._boxes.corners.T, low.T, high.T, strict=True):
+            gap = np.maximum(least - end[:, None], start[:, None] - greatest)
+            squared += np.maximum(gap, 0.0) ** 2
+        self._most = self._intensity.max(axis=1)[self._kind_of] * self._brightness / squared
         self._passing = np.ones_like(self._mean)
         self._settle()
 
