@@ -27,6 +27,7 @@ import numpy as np
 from blender_rad.bpy_io.open import open_scene
 from blender_rad.bpy_io.read import read_scene
 from blender_rad.bpy_io.witness import CyclesWitness
+from blender_rad.compare.metrics.relative import relmse
 from blender_rad.direct import DirectLight
 from blender_rad.rendering import Settings, render
 
@@ -35,12 +36,6 @@ OURS = (0.06, 0.045, 0.025)  # target relative standard errors
 CYCLES = (24, 120)  # samples a pixel
 Curve = list[tuple[float, float]]
 Engines = dict[str, tuple[tuple[float, ...], Callable[[float], np.ndarray]]]
-
-
-def relmse(image: np.ndarray, reference: np.ndarray) -> float:
-    """Return mean[(x − r)² / (r² + 0.01·mean(r)²)]."""
-    signal = reference**2 + 0.01 * reference.mean(axis=(0, 1)) ** 2
-    return float(np.mean((image - reference) ** 2 / signal))
 
 
 def seconds_to(target: float, curve: Curve) -> float:

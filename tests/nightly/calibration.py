@@ -12,6 +12,7 @@ is broken.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -27,7 +28,6 @@ from blender_rad.bpy_io.read import read_scene
 from blender_rad.bpy_io.witness import CyclesWitness
 from blender_rad.checking import Check, Result, Terms, Witness
 from blender_rad.compare.result import MIN_ENERGY
-from blender_rad.compare.statistics import incomplete_beta
 
 STRONGER = 1.02
 SEEDS_A_CHECK = 1000  # more than one check can buy
@@ -155,11 +155,12 @@ def names(result: Result, light: str) -> bool:
 
 
 def binomial_interval(count: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of Clopper and Pearson for a chance, from P(at least k) = I_p."""
-    tail, p = (1.0 - confidence) / 2.0, np.linspace(1e-9, 1.0 - 1e-9, 20_001)
+    """Return the interval of Clopper and Pearson for a chance, from P(at least k)."""
+    tail, p, n = (1.0 - confidence) / 2.0, np.linspace(0.0, 1.0, 20_001), trials
 
     def crossing(k: int, level: float) -> float:
-        return float(np.interp(level, incomplete_beta(k, trials - k + 1.0, p, 1.0 - p), p))
+        chance = sum(float(math.comb(n, i)) * p**i * (1 - p) ** (n - i) for i in range(k, n + 1))
+        return float(np.interp(level, chance, p))
 
     lower = 0.0 if count == 0 else crossing(count, tail)
     return lower, 1.0 if count == trials else crossing(count + 1, 1.0 - tail)
