@@ -73,6 +73,12 @@ class SkyMap:
         cells = 0.25 * np.diff(self._edges)[:, None] * (g[:, 1:] + g[:, :-1])
         return np.concatenate([[0.0], np.cumsum(cells)])
 
+    @property
+    def _step(self) -> float:
+        """Steps of azimuth and elevation, multiplied [rad²]."""
+        (a, b), (h, w, _) = self.half, self.radiance.shape
+        return 4.0 * a * b / (h * w)
+
     @cached_property
     def scale(self) -> float:
         """Mean |L| of the texels over their solid angles [W/(m² sr)]."""
@@ -81,15 +87,14 @@ class SkyMap:
 
     @cached_property
     def share(self) -> float:
-        """How much of the light samples of the map are for: all of a window.
+        """Share of a light's samples that should follow the map: all where it is a window.
 
         In quarters, so that low-discrepancy points deal them out evenly, and never all or none.
         """
-        (a, b), (h, w, _) = self.half, self.radiance.shape
-        followed = self._integral[-1] * (2.0 * a / w) * (2.0 * b / h)
-        whole = 4.0 * a * np.sin(b) * self.scale
-        quarters = round(4.0 * followed / whole)
-        return float(np.clip(0.25 * quarters, 0.125, 0.875)) if self.half == WHOLE else 1.0
+        if self.half != WHOLE:
+            return 1.0
+        followed = self._integral[-1] * self._step / (4.0 * np.pi * self.scale)
+        return float(np.clip(0.25 * round(4.0 * followed), 0.125, 0.875))
 
     @property
     def peak(self) -> Array:
@@ -99,15 +104,15 @@ class SkyMap:
     def irradiance(self, normal: Array) -> Array:
         """Return E (3,) [W/m²] on a surface that faces `normal` (3,), by the sum over texels."""
         h, w, _ = self.radiance.shape
-        (a, b), column = self.half, np.arange(w) + 0.5
+        column = np.arange(w) + 0.5
         x, y, z = self.map_from_world @ normal
-        azimuth = a * (1.0 - 2.0 * column / w)
+        azimuth = self.half[0] * (1.0 - 2.0 * column / w)
         across = x * np.cos(azimuth) + y * np.sin(azimuth)
         total = np.zeros(3)
         for elevation, row in zip(self._elevation(np.arange(h) + 0.5), self.radiance, strict=True):
             cosine = np.maximum(across * np.cos(elevation) + z * np.sin(elevation), 0.0)
             total += np.cos(elevation) * (cosine @ row)
-        return total * (2.0 * a / w) * (2.0 * b / h)
+        return total * self._step
 
     def _elevation(self, y: Array) -> Array:
         return self.half[1] * (1.0 - 2.0 * y / len(self.radiance))
@@ -131,8 +136,8 @@ class SkyMap:
         first += w + 1
         lower = corner.take(first, axis=0) * (1.0 - s) + corner.take(first + 1, axis=0) * s
         value = np.where(inside[:, None], upper * (1.0 - t) + lower * t, 0.0)
-        density = value[:, 3] / np.maximum(level, TINY) * (h * w / (4.0 * a * b))
-        return value[:, :3], density / self._integral[-1]
+        density = value[:, 3] / (np.maximum(level, TINY) * self._integral[-1] * self._step)
+        return value[:, :3], density
 
     def sample(self, u: Array) -> Array:
         """Return directions (n, 3) with the density of `look`, from `u` (n, 2) in [0, 1)."""

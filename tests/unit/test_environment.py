@@ -71,3 +71,13 @@ def test_a_sun_of_one_texel_arrives_without_noise(half: tuple[float, float]) -> 
     values = light.rgb * each[:, None] * sample.tint
     assert values.mean(axis=0) == pytest.approx(exact, rel=2e-3)
     assert values.std() < 0.5 * values.mean()  # an eighth of them are for the hemisphere
+
+
+def test_an_even_sky_is_left_to_the_hemisphere(rng: np.random.Generator) -> None:
+    sky = SkyMap(rng.uniform(0.9, 1.1, (16, 32, 3)).astype(np.float32), TURN)
+    light, n = WorldLight(name="World", rgb=np.ones(3), sky=sky), 4096
+    sample = light.sample(np.zeros((n, 3)), np.tile(TURN[2], (n, 1)), rng.random((n, 2)))
+    assert sample.tint is not None
+    values = sample.weight * np.maximum(sample.wi @ TURN[2], 0.0) * sample.tint[:, 1]
+    assert values.mean() == pytest.approx(np.pi, rel=0.03)
+    assert values.std() < 0.35 * values.mean()
