@@ -48,9 +48,9 @@ def of_render(depsgraph: Any, cancelled: Callable[[], bool]) -> tuple[SkyMap, ..
 
 
 def of_view(depsgraph: Any) -> tuple[SkyMap, ...]:
-    """Return the maps that are known by now; the others are measured beside Blender."""
+    """Return the maps that are known by now; the others are measured beside Blender, one a time."""
     world, key = _wanted(depsgraph)
-    if world and key not in _known:
+    if world and key not in _known and not measuring():
         name = world.name
         _keep(key, ())
 
@@ -61,6 +61,7 @@ def of_view(depsgraph: Any) -> tuple[SkyMap, ...]:
                 log.warning("%s", error)
             if now := bpy.data.worlds.get(name):
                 now.update_tag()  # whoever shows it is to read it again
+            beside.redraw('VIEW_3D')
 
         beside.begin(taken, _begin(world, depsgraph.scene))
     return _known.get(key, ())
