@@ -137,7 +137,6 @@ def walk() -> Steps:
     yield from desk()
     yield from type_lumens()
     yield from press("Home")
-    yield from press(*["KP_Subtract"] * 4)
     yield from add("camera")
     yield from press("ctrl+alt+KP_0")
     yield from click(RENDER_TAB)
