@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The open scene in clay, for Cycles: the materials that `read_material` reads, built."""
+"""The open scene in clay, for Cycles: what `Surface.clay` says of materials, built."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import bpy
 
 from ..scene import CLAY_ALBEDO, Material
 from . import nodes
-from .materials import read_material
+from .materials import surface_of
 
 _NAME = "Clay"
 
@@ -21,7 +21,7 @@ def make_clay() -> None:
     nodes set turn as well. View layers may override materials: the override turns like the rest.
     """
     paints = [m for m in bpy.data.materials if not m.is_grease_pencil]
-    for bl_material, clay in [(m, read_material(m, "clay")) for m in paints]:
+    for bl_material, clay in [(m, surface_of(m).clay) for m in paints]:
         _rebuild(bl_material, clay)
     bare = bpy.data.materials.new(_NAME)
     _rebuild(bare, Material(_NAME, albedo=(CLAY_ALBEDO, CLAY_ALBEDO, CLAY_ALBEDO)))

@@ -91,14 +91,8 @@ class Surface:
         )
 
 
-def read_material(bl_material: Any | None, shading: Shading) -> Material:
-    """Return the material as the estimator sees it; None is an empty slot."""
-    surface = surface_of(bl_material)
-    return surface.clay if shading == "clay" else surface.full
-
-
 def surface_of(bl_material: Any | None, questions: list[Asking] | None = None) -> Surface:
-    """Return what reaches the output of a material that Cycles would use.
+    """Return what reaches the output of a material that Cycles would use; None is an empty slot.
 
     `questions` gets what Blender is to be asked; None asks it nothing.
     """
