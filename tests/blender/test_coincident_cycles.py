@@ -28,7 +28,7 @@ def test_what_cycles_confuses_is_left_out(gap: float, at: float, hidden: bool) -
     add("Patch", patch, scale=(1, 0.6, 1), location=place, visible_camera=not hidden, **turned)
     look_at((at, at, 0), (at + 0.5, at - 5, 4), lens=80)
     lamp('POINT', (at + 0.3, at + 0.4, 3), (at, at, 0), shadow_soft_size=0.1)
-    sides = both_sides((36, 24), ours=32, samples=32)
+    sides = both_sides((36, 24), ours=128, samples=32)
     ours, theirs = sides.film.radiance.mean(axis=-1), sides.seeds[..., :3].mean(axis=(0, 3))
     wrong = np.abs(theirs - ours) > OFF * ours.max()
     masks = coincident_faces(DirectLight(sides.scene))

@@ -177,7 +177,7 @@ def instances() -> None:
 
 
 def painted() -> None:
-    """One mesh for two, one of which is bevelled and has its own material; materials by face."""
+    """One mesh for three, of which one has its own material and one a bevel; materials by face."""
     on_box(visible_camera=False)
     paints = [material(f"Paint {k}", "BsdfDiffuse", Color=(k, 0.3, 0.1)) for k in range(2)]
     mesh = polygons("Cube", *CUBE)
@@ -189,8 +189,8 @@ def painted() -> None:
     turned = {"scale": (0.4,) * 3, "rotation_euler": (0.5, 0.3, 0.2)}
     add("One", mesh, location=(-1, 0, 0.7), **turned)
     other = add("Other", mesh, location=(1, -0.4, 0.7), **turned)
-    other.modifiers.new("Bevel", 'BEVEL')
     put(other.material_slots[0], link='OBJECT', material=paints[1])
+    add("Bevelled", mesh, location=(0, -0.9, 0.6), **turned).modifiers.new("Bevel", 'BEVEL')
 
 
 def hidden() -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import subprocess
 import sys
 from pathlib import Path
@@ -32,15 +31,6 @@ def file(tmp_path: Path) -> Path:
     bpy.context.scene.view_layers.new("Other")
     bpy.context.scene.name = "Main"
     return saved(tmp_path)
-
-
-def test_choices_are_read(file: Path) -> None:
-    scene = read_scene(open_scene(file, frame=-1048574, camera="Camera", view_layer="Other"))
-    assert scene.frame == -1048574
-    assert scene.camera and scene.camera.name == "Camera"
-    assert scene.file == str(file)
-    assert scene.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
-    assert scene.blender_version == tuple(bpy.app.version)
 
 
 def test_a_chosen_camera_wins_over_markers(file: Path) -> None:

@@ -106,22 +106,6 @@ def test_cycles_agrees_on_the_picture(name: str) -> None:
     assert ours.radiance[lit].mean(axis=0) == pytest.approx(theirs[lit].mean(axis=0), rel=WITNESS)
 
 
-def test_hundred_has_a_hundred_instances() -> None:
-    scene = read_scene(saved("hundred"))
-    heads = [instance for instance in scene.instances if instance.name == "Head"]
-    assert len(heads) == 100
-    assert len({instance.mesh for instance in heads}) == 1
-
-
-def test_studio_renders_finer_than_it_is_edited() -> None:
-    bl_scene = saved("studio")
-    vase = bl_scene.objects["Vase"]
-    edited = len(vase.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons)
-    scene = read_scene(bl_scene)
-    drawn = next(scene.meshes[i.mesh] for i in scene.instances if i.name == "Vase")
-    assert len(drawn.triangles) == edited * 2 * 4**3
-
-
 def test_benchmark_has_what_it_says(tmp_path: Path) -> None:
     built("bench")
     scene = read_scene(bpy.context.scene)
