@@ -135,19 +135,11 @@ def read_passes(
 ) -> tuple[dict[str, Pixels], dict[str, Any]]:
     """Return passes (h, w, n) of an EXR file, of ours or of Blender's, and its header.
 
-    The file has one part or many; of its view layers the first that has what is asked for counts.
-
-    Parameters
-    ----------
-    choices : sets of passes that would each do, the best first: names as before Blender 5, each
-        with its channels, such as ``DiffDir.RGB``; channels without a pass are of ``Combined``.
-    also : passes that are wanted where they exist.
-    view_layer : the only one to look in.
-
-    Raises
-    ------
-    RadError
-        When the file cannot be read or holds none of `choices`: names what it holds.
+    The file has one part or many; of its view layers the first that has what is asked for counts,
+    or `view_layer` alone. `choices` are sets of passes that would each do, the best first: names as
+    before Blender 5, each with its channels, such as ``DiffDir.RGB``; channels without a pass are
+    of ``Combined``. `also` are wanted where they exist. RadError is for a file that cannot be read,
+    or names what it holds in place of `choices`.
     """
     planes, header = read_planes(path)
     views: dict[str, dict[str, dict[str, Pixels]]] = {}

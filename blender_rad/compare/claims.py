@@ -31,10 +31,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from .factors import Problem
-from .pools import MAX_DF, Array, Estimates, Mask, Pools
+from .pools import MAX_DF, Estimates, Pools
 from .result import MIN_ENERGY, Verdict
 from .statistics import critical_value, holm, p_equivalent, p_outside, t_quantile
 
@@ -49,29 +49,29 @@ FRAME, TILES = -1, -2
 class Claims(Estimates):
     """Differences with tolerances; each either within, outside, or not known yet; all (n,)."""
 
-    tolerance: Array
-    weight: Array  # for Holm
-    required: Mask  # whether `agree` needs it
-    group: NDArray[np.int64]  # of lights that it is about, `FRAME` or `TILES`
+    tolerance: Floats
+    weight: Floats  # for Holm
+    required: Bools  # whether `agree` needs it
+    group: Ints  # of lights that it is about, `FRAME` or `TILES`
 
-    def p_outside(self) -> Array:
+    def p_outside(self) -> Floats:
         return p_outside(self.value, self.error, self.df, self.tolerance)
 
-    def outside(self, alpha: float) -> Mask:
+    def outside(self, alpha: float) -> Bools:
         """Return which differences are significantly beyond their tolerance, by Holm, (n,)."""
         return holm(self.p_outside(), alpha, self.weight)
 
-    def within(self, alpha: float) -> Mask:
+    def within(self, alpha: float) -> Bools:
         """Return which differences are shown to be within their tolerance, (n,); none for 0."""
         return p_equivalent(self.value, self.error, self.df, self.tolerance) < alpha
 
-    def verdict(self, outside: Mask, within: Mask) -> Verdict:
+    def verdict(self, outside: Bools, within: Bools) -> Verdict:
         """Return what follows from which are outside and which within."""
         if outside.any():
             return "differ"
         return "agree" if within[self.required].all() else "undecided"
 
-    def verdicts(self, count: int, outside: Mask, within: Mask) -> list[Verdict]:
+    def verdicts(self, count: int, outside: Bools, within: Bools) -> list[Verdict]:
         """Return what follows for each of `count` groups of lights."""
         verdicts: list[Verdict] = ["undecided"] * count
         for g in np.unique(self.group[self.group >= 0]):
@@ -85,7 +85,7 @@ def _family(
     truth: float,
     tolerance: float,
     level: float,
-    group: int | NDArray[np.int64],
+    group: int | Ints,
     *,
     required: bool = True,
 ) -> Claims:

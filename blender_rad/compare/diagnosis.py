@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays import Bools, Floats
 from ..errors import Finding
 from ..quantities import EFFICACIES_LM_W
 from .claims import claims_of_lights
 from .factors import Problem, fit, problem_from_cells
-from .pools import Array, Cells, Estimates, Mask, Pools, kept_tiles, pool, spread_out, tile_means
+from .pools import Cells, Estimates, Pools, kept_tiles, pool, spread_out, tile_means
 from .result import MIN_ENERGY, Verdict
 
 PHOTOPIC, CYCLES_IES, RADIANCE = EFFICACIES_LM_W.values()
@@ -89,7 +90,7 @@ class Named(NamedTuple):
     code: str
     message: str
     effect_percent: float
-    column: Array
+    column: Floats
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ class Case:
     tolerance: float
     alpha: float  # level of the tests for `differ`
     agree_alpha: float  # and for `agree`
-    alternatives: Mapping[str, Mapping[str, Array]]  # cell sums (p,)
+    alternatives: Mapping[str, Mapping[str, Floats]]  # cell sums (p,)
     unit_scale_m: float
     film_exposure: float | None
     bearable: float = math.inf  # error of a factor beyond which lights join: samples would not do
@@ -137,16 +138,16 @@ class Case:
         return claims.verdicts(len(known.value), outside, within)
 
     @property
-    def tile_scale(self) -> Array:
+    def tile_scale(self) -> Floats:
         """What tiles count relative to, (t, 3)."""
         return np.maximum(self.pools.tiles.scale.reshape(-1, 3), np.finfo(float).tiny ** 0.5)
 
-    def left(self, columns: Array, known: Estimates) -> Array:
+    def left(self, columns: Floats, known: Estimates) -> Floats:
         """Return what `columns` at their factors leave of the witness, tile means (r, t, 3)."""
         model = self.cells.seen + (known.value @ columns).reshape(self.cells.seen.shape)
         return tile_means(self.cells, self.cells.residual(model))
 
-    def misfit(self, left: Array, kept: Mask | None = None) -> Left:
+    def misfit(self, left: Floats, kept: Bools | None = None) -> Left:
         """Return how much structure there is in `left` (r, t, 3), in the tiles `kept` (t,).
 
         Notes
@@ -172,7 +173,7 @@ class Case:
         return found.square > max(SIGMAS * found.error, (self.tolerance * NEGLIGIBLE) ** 2)
 
 
-def _shapes(case: Case, columns: Array, g: int) -> list[Named]:
+def _shapes(case: Case, columns: Floats, g: int) -> list[Named]:
     """Return what else group `g` could look like: the alternatives given, and another colour."""
     names, problem = case.cells.names, case.problem
     layers = case.cells.layers.reshape(len(names), -1)
@@ -224,7 +225,7 @@ def _reshape(case: Case, verdicts: Sequence[Verdict]) -> dict[int, Named]:
     return named
 
 
-def _with_shapes(columns: Array, named: Mapping[int, Named]) -> Array:
+def _with_shapes(columns: Floats, named: Mapping[int, Named]) -> Floats:
     changed = columns.copy()
     for g, shape in named.items():
         changed[g] = shape.column
@@ -282,7 +283,7 @@ def _exposed(case: Case, factor: float, verdicts: list[Verdict]) -> Diagnosis:
     return Diagnosis(case.problem.known, verdicts, causes, [finding])
 
 
-def _without_tiles(case: Case, columns: Array) -> Estimates | None:
+def _without_tiles(case: Case, columns: Floats) -> Estimates | None:
     """Return the factors from tiles where a fit leaves nothing; None if over a quarter is out.
 
     What a local error does to a fit spreads over the picture, so the worst tile goes first and the
@@ -309,7 +310,7 @@ _UNEXPLAINED = {
 }
 
 
-def _unexplained(case: Case, columns: Array, known: Estimates, sound: bool) -> Finding:
+def _unexplained(case: Case, columns: Floats, known: Estimates, sound: bool) -> Finding:
     """Return the finding for what no lights explain: local, or everywhere of one sign, or neither.
 
     What sign it has shows in the difference from our own picture; a fit takes part of it up.
@@ -371,7 +372,7 @@ def diagnose(case: Case, verdicts: list[Verdict]) -> Diagnosis:
     return Diagnosis(_of_ours(problem, known, columns), again, codes, [*named, *findings])
 
 
-def _of_ours(problem: Problem, known: Estimates, columns: Array) -> Estimates:
+def _of_ours(problem: Problem, known: Estimates, columns: Floats) -> Estimates:
     """Return the factors of the shapes found as factors of our layers' energies."""
     ours = problem.columns.sum(axis=1)
     ratio = np.divide(columns.sum(axis=1), ours, out=np.ones_like(ours), where=ours != 0)

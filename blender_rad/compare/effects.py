@@ -13,17 +13,11 @@ SIGMAS = 4.0  # of the worst of hundreds of tiles
 
 
 class Effect(NamedTuple):
-    """What is there with a change, over what is there without, less one [%].
+    """What is there with a change, over what is there without, less one [%]."""
 
-    Attributes
-    ----------
-    whole, error : of the picture's light, with its standard error.
-    tile : of the 16×16 tile that changes most; 0 where that may be noise.
-    """
-
-    whole: float
-    error: float
-    tile: float
+    whole: float  # of the picture's light
+    error: float  # standard error of that
+    tile: float  # of the 16×16 tile that changes most; 0 where that may be noise
 
     def is_beyond(self, percent: float, tile_percent: float) -> bool:
         """Return whether it is certain, and larger."""

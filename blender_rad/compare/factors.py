@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .pools import CELLS_A_TILE, Array, Cells, Estimates, Pools, block_sums, estimate, spread_out
+from ..arrays import Floats
+from .pools import CELLS_A_TILE, Cells, Estimates, Pools, block_sums, estimate, spread_out
 from .result import MIN_ENERGY
 
 MAX_INFLATION = 400.0  # a factor 20 times noisier than alone would take 400 times the samples
@@ -22,7 +23,7 @@ HOT = 3.0  # far enough for our own noise not to be taken for it
 _RIDGE = 1e-9
 
 
-def model_weights(cells: Cells, pools: Pools) -> Array:
+def model_weights(cells: Cells, pools: Pools) -> Floats:
     """Return the weight of each cell sum, (r or 1, ch, cw, 3): 1 / (n (a + b·ours + c·seen)).
 
     A weight taken from the very samples that it weighs prefers those that came out dark and quiet.
@@ -54,19 +55,19 @@ def model_weights(cells: Cells, pools: Pools) -> Array:
     return weight / weight.max() * (cells.counts > 0)
 
 
-def _inverse(matrix: Array) -> Array:
+def _inverse(matrix: Floats) -> Floats:
     """Return the pseudo-inverse of a symmetric matrix (j, j), its rows and columns scaled to 1."""
     scale = _lengths(matrix)
     return np.linalg.pinv(matrix / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
 
 
-def _lengths(matrix: Array) -> Array:
+def _lengths(matrix: Floats) -> Floats:
     """Return the roots of the diagonal (j,), 1 for those of black layers."""
     diagonal = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     return np.where(diagonal > 0, diagonal, 1.0)
 
 
-def find_groups(layers: Array, noise: Array, weight: Array) -> list[list[int]]:
+def find_groups(layers: Floats, noise: Floats, weight: Floats) -> list[list[int]]:
     """Return which `layers` (j, p) belong together because no fit could tell them apart.
 
     While a light's variance inflation (that of its factor, over what it would be if the light were
@@ -97,24 +98,21 @@ def find_groups(layers: Array, noise: Array, weight: Array) -> list[list[int]]:
     return sorted(groups)
 
 
-def fit(layers: Array, noise: Array, target: Array, weights: Array, variance: Array) -> Estimates:
+def fit(
+    layers: Floats, noise: Floats, target: Floats, weights: Floats, variance: Floats
+) -> Estimates:
     """Return the factor on each of `layers` (j, p) that explains `target` (r, p).
 
-    Parameters
-    ----------
-    layers, noise : (j, p) sums over cells, channels running fastest, and a draw of their noise.
-    target : (r, p) the witness's, for each replicate.
-    weights : (r, p), 0 where a replicate has no data; or (1, p) where all are alike.
-    variance : (p,) of the sum of our layers.
+    `layers` (j, p) are sums over cells, channels running fastest, `noise` is a draw of theirs.
+    `weights` (r, p) are 0 where a replicate has no data; or (1, p) where all are alike. `variance`
+    (p,) is of the sum of our layers.
 
-    Notes
-    -----
     f = (X W Xᵀ − D W Dᵀ)⁻¹ X W y with the draws D of the noise in X: what noise adds to X W Xᵀ on
     average is taken off, also where lights share it (edges of objects); else a factor would be too
     low by the relative variance of our cells. Our noise goes through P = (…)⁻¹ X W. The channels
     of a cell share it, since their samples do: the error is at most Σ_cells (Σ_rgb |P| σ)².
     """
-    factors: list[Array] = []
+    factors: list[Floats] = []
     through = np.zeros(layers.shape)
     for weight, part in zip(weights, np.split(target, len(weights)), strict=True):
         weighted = layers * weight
@@ -132,12 +130,12 @@ class Problem:
     """The lights' fit, ready to be asked again with other layers."""
 
     groups: list[list[int]]  # of indices into `Cells.names`
-    columns: Array  # (g, p) the groups' layers, sums over cells
-    noise: Array  # (g, p) a draw of their noise
-    target: Array  # (r, p) witness less directly seen emission
-    weights: Array  # (r, p) or (1, p)
-    seen: Array  # (p,)
-    variance: Array  # (p,)
+    columns: Floats  # (g, p) the groups' layers, sums over cells
+    noise: Floats  # (g, p) a draw of their noise
+    target: Floats  # (r, p) witness less directly seen emission
+    weights: Floats  # (r, p) or (1, p)
+    seen: Floats  # (p,)
+    variance: Floats  # (p,)
 
     def joined(self, bearable: float) -> Problem:
         """Return it with groups joined until each that is judged has an error that is `bearable`.
@@ -163,11 +161,11 @@ class Problem:
         return replace(self, groups=groups, columns=columns, noise=noise).joined(bearable)
 
     @property
-    def energy(self) -> Array:
+    def energy(self) -> Floats:
         """Share of each group in the absolute energy of all, (g,)."""
         return np.abs(self.columns.sum(axis=1)) / self._total
 
-    def channel_energy(self) -> Array:
+    def channel_energy(self) -> Floats:
         """Share of each group's channels in the absolute energy of all, (g, 3)."""
         return np.abs([self.columns[:, c::3].sum(axis=1) for c in range(3)]).T / self._total
 
@@ -180,11 +178,11 @@ class Problem:
         """The factors of the groups."""
         return self.factors(self.columns)
 
-    def factors(self, columns: Array, part: Array | float = 1.0) -> Estimates:
+    def factors(self, columns: Floats, part: Floats | float = 1.0) -> Estimates:
         """Return the factors of `columns` (g, p) in place of ours, from a `part` (p,) alone."""
         return fit(columns, self.noise, self.target, self.weights * part, self.variance)
 
-    def channel_factors(self, columns: Array, channel: int) -> Estimates:
+    def channel_factors(self, columns: Floats, channel: int) -> Estimates:
         """Return the factors of `columns` (g, p) from one channel alone."""
         return self.factors(columns, np.arange(columns.shape[1]) % 3 == channel)
 

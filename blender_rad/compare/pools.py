@@ -14,11 +14,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Ints
 from ..film import Film
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Picture = NDArray[np.float32] | NDArray[np.float64]
+Picture = NDArray[np.float32] | Floats
 
 MIN_TILE_PIXELS = 16
 DARK = 0.05
@@ -29,7 +28,7 @@ FLOAT32_ROUNDING = 1e-5  # relative; seeds can agree to the last bit, which is n
 MAX_DF = 200.0  # beyond it t is normal for our purposes, and the incomplete beta stays cheap
 
 
-def block_sums(image: Array, size: int, first: int = -3) -> Array:
+def block_sums(image: Floats, size: int, first: int = -3) -> Floats:
     """Return sums over `size`×`size` blocks of two axes, those of (…, h, w, c) by default.
 
     Blocks at the right and lower edge may be smaller.
@@ -40,7 +39,7 @@ def block_sums(image: Array, size: int, first: int = -3) -> Array:
     return image
 
 
-def spread_out(tiles: Array, shape: tuple[int, ...]) -> Array:
+def spread_out(tiles: Floats, shape: tuple[int, ...]) -> Floats:
     """Return values of tiles (th, tw, ...) for each of their cells, `shape` (ch, cw, ...)."""
     cells = tiles.repeat(CELLS_A_TILE, axis=0).repeat(CELLS_A_TILE, axis=1)
     return cells[: shape[0], : shape[1]]
@@ -51,20 +50,20 @@ class Cells:
     """Sums over the compared pixels of each cell of 4×4 pixels; replicates are seeds, or parts."""
 
     names: tuple[str, ...]  # of our lights
-    counts: Array  # (r, ch, cw, 1) compared pixels, or (1, ch, cw, 1) where all are alike
-    witness: Array  # (r, ch, cw, 3)
-    ours: Array  # (ch, cw, 3), as are the next two
-    seen: Array  # directly seen emission
-    variance: Array  # of the sum of ours
-    layers: Array  # (j, ch, cw, 3) our lights
-    noise: Array  # likewise, a draw of their noise
+    counts: Floats  # (r, ch, cw, 1) compared pixels, or (1, ch, cw, 1) where all are alike
+    witness: Floats  # (r, ch, cw, 3)
+    ours: Floats  # (ch, cw, 3), as are the next two
+    seen: Floats  # directly seen emission
+    variance: Floats  # of the sum of ours
+    layers: Floats  # (j, ch, cw, 3) our lights
+    noise: Floats  # likewise, a draw of their noise
 
-    def residual(self, model: Array) -> Array:
+    def residual(self, model: Floats) -> Floats:
         """Return what a picture of cell sums (ch, cw, 3) leaves of the witness, (r, ch, cw, 3)."""
         return self.witness - np.where(self.counts > 0, model, 0.0)
 
 
-def cells_from_seeds(film: Film, seeds: Picture, compared: Mask) -> Cells:
+def cells_from_seeds(film: Film, seeds: Picture, compared: Bools) -> Cells:
     """Return the cells of witness renders (s, h, w, 3): every seed sees every cell."""
     ours, seen, variance = (
         cell_sums(image, compared) for image in (film.radiance, film.seen, film.variance)
@@ -78,7 +77,7 @@ def cells_from_seeds(film: Film, seeds: Picture, compared: Mask) -> Cells:
     return Cells(tuple(film.lights), counts, witness, ours, seen, variance, layers, noise)
 
 
-def cell_sums(image: Picture, compared: Mask) -> Array:
+def cell_sums(image: Picture, compared: Bools) -> Floats:
     """Return sums of an (h, w, 3) picture over the compared pixels of each cell."""
     return block_sums(np.where(compared[..., None], image, 0.0).astype(float), CELL)
 
@@ -100,23 +99,23 @@ def split_in_space(cells: Cells) -> Cells:
 class Estimates:
     """Numbers with their noise; all (n,)."""
 
-    value: Array
-    witness_variance: Array
-    our_variance: Array
-    df: Array  # degrees of freedom of the sum of both (Welch and Satterthwaite)
-    scale: Array  # what tolerances are relative to
+    value: Floats
+    witness_variance: Floats
+    our_variance: Floats
+    df: Floats  # degrees of freedom of the sum of both (Welch and Satterthwaite)
+    scale: Floats  # what tolerances are relative to
 
     @property
-    def error(self) -> Array:
+    def error(self) -> Floats:
         """Standard error, (n,)."""
         return np.sqrt(self.witness_variance + self.our_variance)
 
-    def at(self, index: Mask | NDArray[np.int64]) -> Self:
+    def at(self, index: Bools | Ints) -> Self:
         """Return those at `index`."""
         return replace(self, **{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
 
-def estimate(replicates: Array, our_variance: Array, scale: Array) -> Estimates:
+def estimate(replicates: Floats, our_variance: Floats, scale: Floats) -> Estimates:
     """Return the mean of `replicates` (r, n), with the spread over them as its noise.
 
     The float32 floor is relative to `scale` (n,). Our own variance is taken as known:
@@ -139,10 +138,10 @@ class Pools:
 
     frame: Estimates  # (3,)
     tiles: Estimates  # (t·3,), channels running fastest
-    pixels: Array  # (t·3,) compared pixels of the tile
-    where: NDArray[np.int64]  # (t, 2) row and column of each tile in the grid of tiles
+    pixels: Floats  # (t·3,) compared pixels of the tile
+    where: Ints  # (t, 2) row and column of each tile in the grid of tiles
 
-    def worst(self, difference: Array) -> tuple[float, int, int]:
+    def worst(self, difference: Floats) -> tuple[float, int, int]:
         """Return the largest of `difference` (t·3) over the scale, and its tile's first (x, y)."""
         relative = difference / np.maximum(self.tiles.scale, np.finfo(float).tiny)
         worst = int(np.argmax(np.abs(relative)))
@@ -150,21 +149,21 @@ class Pools:
         return float(relative[worst]), int(column), int(row)
 
 
-def kept_tiles(cells: Cells) -> Mask:
+def kept_tiles(cells: Cells) -> Bools:
     """Return which tiles hold enough compared pixels, in every replicate, (th, tw)."""
     counts = block_sums(cells.counts, CELLS_A_TILE)[..., 0]
     whole = block_sums(cells.counts.max(axis=0), CELLS_A_TILE)[..., 0]
     return (whole >= MIN_TILE_PIXELS) & (counts > 0).all(axis=0)
 
 
-def tile_means(cells: Cells, difference: Array) -> Array:
+def tile_means(cells: Cells, difference: Floats) -> Floats:
     """Return means over the kept tiles of sums over cells (r, ch, cw, 3), as (r, t, 3)."""
     kept = kept_tiles(cells)
     counts = block_sums(cells.counts, CELLS_A_TILE)[:, kept]
     return block_sums(difference, CELLS_A_TILE)[:, kept] / counts
 
 
-def frame_means(cells: Cells) -> Array:
+def frame_means(cells: Cells) -> Floats:
     """Return the mean difference (witness less ours) over the frame, (r, 3)."""
     number = np.maximum(cells.counts.sum(axis=(1, 2)), 1.0)
     return cells.residual(cells.ours).sum(axis=(1, 2)) / number

@@ -40,36 +40,26 @@ class PixelCounts:
 class LightResult(LightInfo):
     """One light in the witness; `undecided` too below 1 % of the energy, where it is not judged.
 
-    Attributes
-    ----------
-    group : shared by lights that cannot be told apart, else None; their factor is the group's.
-    energy_fraction : share of the sum of our lights' absolute energies in the compared pixels.
-    scale_in_witness : the factor on our light that best explains the witness (1 = agrees), with its
-        standard error; nan for a light that puts nothing into the compared pixels.
-    diagnosis : code of the named cause.
+    `scale_in_witness` is the factor on our light that best explains the witness (1 = agrees); nan
+    for a light that puts nothing into the compared pixels.
     """
 
-    group: str | None = None
-    energy_fraction: float = 0.0
+    group: str | None = None  # of lights that can't be told apart; their factor is the group's
+    energy_fraction: float = 0.0  # of our lights' absolute energies in the compared pixels
     scale_in_witness: float = math.nan
-    standard_error: float = math.nan
+    standard_error: float = math.nan  # of that
     verdict: Verdict = "undecided"
-    diagnosis: str | None = None
+    diagnosis: str | None = None  # code of the named cause
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A witness's verdict on our film.
+    """A witness's verdict on our film; where undecided, what would help.
 
-    Attributes
-    ----------
-    needed_factor : how many times the samples would probably decide; None when decided, or when no
-        number of samples can.
-    least_factor : how many times they must be at least, whatever the luck; 0 when decided.
-    held_up_by : what holds the verdict up, in words, and `held_up_error` its standard error
-        relative to its tolerance.
-    our_noise_share : part of the variance of what is undecided that is ours; the rest is the
-        witness's. Tells whose samples to buy.
+    That is `needed_factor`, how many times the samples would probably decide (None where no number
+    can), `least_factor`, how many times they must be whatever the luck, and `our_noise_share`, the
+    part of the variance that is ours; the rest is the witness's. What holds the verdict up has the
+    standard error `held_up_error` relative to its tolerance.
     """
 
     verdict: Verdict

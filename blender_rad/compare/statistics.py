@@ -7,14 +7,14 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from ..arrays import Bools, Floats
 
 _log_gamma = np.frompyfunc(math.lgamma, 1, 1)
 
 
-def _continued_fraction(a: Array, b: Array, x: Array) -> Array:
+def _continued_fraction(a: Floats, b: Floats, x: Floats) -> Floats:
     """Return the continued fraction of I_x(a, b) by Lentz's method; needs x < (a+1)/(a+b+2)."""
     c, d = np.ones_like(x), 1.0 / (1.0 - (a + b) * x / (a + 1.0))
     value = d
@@ -31,7 +31,7 @@ def _continued_fraction(a: Array, b: Array, x: Array) -> Array:
     raise ArithmeticError("the incomplete beta function did not converge")
 
 
-def _incomplete_beta(a: Array, b: Array, x: Array, one_minus_x: Array) -> Array:
+def _incomplete_beta(a: Floats, b: Floats, x: Floats, one_minus_x: Floats) -> Floats:
     """Return the regularised I_x(a, b), accurate in both tails.
 
     I_x(a, b) = x^a (1−x)^b / (a B(a, b)) · CF(a, b, x) (NIST DLMF 8.17.22), and
@@ -46,7 +46,7 @@ def _incomplete_beta(a: Array, b: Array, x: Array, one_minus_x: Array) -> Array:
     return np.where(swap, 1.0 - value, value)
 
 
-def t_survival(t: ArrayLike, df: ArrayLike) -> Array:
+def t_survival(t: ArrayLike, df: ArrayLike) -> Floats:
     """Return P(T > t) for Student's t with `df` > 0 degrees of freedom, which need not be whole.
 
     P(T > t) = I_x(df/2, 1/2) / 2 for t ≥ 0, x = df / (df + t²).
@@ -63,7 +63,7 @@ def t_survival(t: ArrayLike, df: ArrayLike) -> Array:
     return np.where(t >= 0, tail, 1.0 - tail)
 
 
-def t_quantile(p: ArrayLike, df: ArrayLike) -> Array:
+def t_quantile(p: ArrayLike, df: ArrayLike) -> Floats:
     """Return t with P(T > t) = `p`, for 0 < p ≤ 1/2, by halving intervals of log(1 + t)."""
     p, df = np.broadcast_arrays(np.asarray(p, float), np.asarray(df, float))
     low, step = np.zeros(p.shape), 300.0
@@ -79,7 +79,7 @@ def critical_value(p: float, df: float) -> float:
     return float(t_quantile(p, df))
 
 
-def p_outside(delta: Array, error: Array, df: Array, tolerance: Array) -> Array:
+def p_outside(delta: Floats, error: Floats, df: Floats, tolerance: Floats) -> Floats:
     """Return the p-value against |true difference| ≤ `tolerance`; small means outside.
 
     p = P(T > (|d|−τ)/σ) + P(T > (|d|+τ)/σ), the chance at |δ| = τ, where it is largest, of a
@@ -90,7 +90,7 @@ def p_outside(delta: Array, error: Array, df: Array, tolerance: Array) -> Array:
     return np.minimum(p, 1.0)
 
 
-def p_equivalent(delta: Array, error: Array, df: Array, tolerance: Array) -> Array:
+def p_equivalent(delta: Floats, error: Floats, df: Floats, tolerance: Floats) -> Floats:
     """Return the p-value against |true difference| ≥ `tolerance`; small means equivalent.
 
     The larger of two one-sided tests (TOST): P(T > (τ−|d|)/σ).
@@ -98,7 +98,7 @@ def p_equivalent(delta: Array, error: Array, df: Array, tolerance: Array) -> Arr
     return t_survival((tolerance - np.abs(delta)) / error, df)
 
 
-def holm(p: Array, alpha: float, weights: Array | None = None) -> NDArray[np.bool_]:
+def holm(p: Floats, alpha: float, weights: Floats | None = None) -> Bools:
     """Return which hypotheses Holm's step-down procedure rejects.
 
     The chance of rejecting any true one is at most `alpha`, however the tests depend on each

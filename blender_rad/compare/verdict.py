@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from ..arrays import Bools, Floats
 from ..errors import Finding, RadError
 from ..film import REST, Film
 from .claims import FRAME, TILE_TOLERANCES, TILES, claims_of, foretell
@@ -19,9 +20,7 @@ from .pools import (
     DARK,
     FLOAT32_ROUNDING,
     MAX_DF,
-    Array,
     Cells,
-    Mask,
     Picture,
     Pools,
     cell_sums,
@@ -73,10 +72,7 @@ def judge(
     unit_scale_m : of the file, for the diagnosis.
     film_exposure : of the witness's file if it was not set to 1, for the diagnosis.
 
-    Raises
-    ------
-    RadError
-        For too few pictures, or pictures of another size than ours.
+    RadError is for too few pictures, or pictures of another size than ours.
     """
     least = 2 if independent else 1
     if len(pictures) < least:
@@ -111,7 +107,7 @@ class _Job:
 
     film: Film
     pictures: Picture
-    compared: Mask
+    compared: Bools
     findings: list[Finding]
     infos: Mapping[str, LightInfo]
     case: Case
@@ -129,7 +125,7 @@ def _share_errors(whole: Cells, parts: Cells) -> bool:
     return bool((over_pictures > SHARED_ERRORS * over_parts).any())
 
 
-def _support(film: Film, seeds: Picture) -> tuple[Picture, Mask, list[Finding]]:
+def _support(film: Film, seeds: Picture) -> tuple[Picture, Bools, list[Finding]]:
     """Return the pictures, finite throughout, which pixels can be compared, and findings."""
     if seeds.shape[1:] != film.radiance.shape:
         expected = f"expected ours, {film.radiance.shape}"
@@ -212,7 +208,7 @@ def _light_results(job: _Job, explained: Diagnosis) -> tuple[LightResult, ...]:
     return tuple(results.values())
 
 
-def _tile_findings(pools: Pools, off: Mask) -> list[Finding]:
+def _tile_findings(pools: Pools, off: Bools) -> list[Finding]:
     if not off.any():
         return []
     relative, x, y = pools.worst(pools.tiles.value * off)
@@ -222,7 +218,7 @@ def _tile_findings(pools: Pools, off: Mask) -> list[Finding]:
     return [Finding("tiles-differ", "error", "", message, 100.0 * relative)]
 
 
-def _pixels(job: _Job, mean: Array) -> PixelCounts:
+def _pixels(job: _Job, mean: Floats) -> PixelCounts:
     """Return how many pixels agree and differ, each by its own t-interval; for display only.
 
     A single picture has no spread; its pixels stay undecided.

@@ -28,14 +28,8 @@ __all__ = [
 def read_photometry(path: str | os.PathLike[str], lamp_set: int = 1) -> Distribution:
     """Return the distribution that an IES or LDT file holds, with what was found wrong in it.
 
-    Parameters
-    ----------
-    lamp_set : which of an LDT file's lamp sets, from 1.
-
-    Raises
-    ------
-    RadError
-        Where the file cannot be read, or its light cannot be known: names the line and the reason.
+    `lamp_set` counts those of an LDT file from 1. Where the file cannot be read, or its light
+    cannot be known, RadError names the line and the reason.
     """
     path = Path(path)
     try:

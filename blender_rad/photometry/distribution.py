@@ -28,11 +28,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats
 from ..errors import Finding
-from .text import Array
 
 Kind = Literal["A", "B", "C"]
-AXES: dict[Kind, Array] = {  # rows: longitude 0, longitude 90, pole
+AXES: dict[Kind, Floats] = {  # rows: longitude 0, longitude 90, pole
     "A": np.array([[0.0, 0, -1], [0, -1, 0], [1, 0, 0]]),
     "B": np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]]),
     "C": np.eye(3),
@@ -58,9 +58,9 @@ class Distribution:
     name: str  # as its maker calls it
     format: str  # such as ``LM-63-2002`` or ``EULUMDAT``
     kind: Kind  # says what longitude and latitude are, see the module
-    longitude: Array  # (m,) [deg], rising, two or more; symmetry is unfolded
-    latitude: Array  # (n,) likewise
-    intensity: Array  # (m, n) [cd]
+    longitude: Floats  # (m,) [deg], rising, two or more; symmetry is unfolded
+    latitude: Floats  # (n,) likewise
+    intensity: Floats  # (m, n) [cd]
     symmetry: str  # as the file declares it
     opening: Opening
     lamp_flux: float | None = None  # [lm] of all lamps; None where the photometry is absolute
@@ -71,7 +71,7 @@ class Distribution:
     tilt: tuple[tuple[float, float], ...] = ()  # [deg], and factor on the flux; not applied
     findings: tuple[Finding, ...] = ()
 
-    def luminous_intensity(self, directions: Array) -> Array:
+    def luminous_intensity(self, directions: Floats) -> Floats:
         """Return the luminous intensity (n,) [cd] towards `directions` (n, 3) of any length.
 
         Bilinear in the angles of the file's grid, 0 outside of it.
@@ -96,7 +96,7 @@ class Distribution:
         return np.where(in_longitude & in_latitude, (1 - u) * low + u * high, 0.0)
 
     @cached_property
-    def zonal_flux(self) -> Array:
+    def zonal_flux(self) -> Floats:
         r"""The flux of each latitude zone, (n − 1,) [lm].
 
         Φ = Σ ½(Ī_j + Ī_{j+1}) Δλ (sin φ_{j+1} − sin φ_j): the mean over longitude Ī is linear
@@ -121,7 +121,7 @@ class Distribution:
         return float((np.diff(mean * np.sin(phi)) + slope * np.diff(np.cos(phi))).sum())
 
     @cached_property
-    def _over_longitude(self) -> Array:
+    def _over_longitude(self) -> Floats:
         """The integral of the table over longitude, (n,) [cd rad]."""
         middle = 0.5 * (self.intensity[:-1] + self.intensity[1:])
         return np.diff(np.radians(self.longitude)) @ middle
@@ -131,7 +131,7 @@ class Distribution:
         """The greatest intensity [cd] of the table."""
         return float(self.intensity.max())
 
-    def cut(self, c_deg: float, gamma: Array) -> Array:
+    def cut(self, c_deg: float, gamma: Floats) -> Floats:
         """Return the intensity [cd] in the plane C at `gamma` (n,) [deg], negative for C + 180."""
         plane = directions(np.radians([c_deg]), np.radians(gamma - 90.0))[0]
         return self.luminous_intensity(plane)
@@ -155,7 +155,7 @@ class Distribution:
         return min(sum(_edge(side * t[::side], profile[::side], level) for side in (1, -1)), 360.0)
 
 
-def _edge(t: Array, profile: Array, level: float) -> float:
+def _edge(t: Floats, profile: Floats, level: float) -> float:
     """Return the angle [deg] at which the light falls to `level` for rising t, negative across."""
     last = np.flatnonzero((profile >= level) & (np.abs(t) <= 90 + SLACK_DEG))[-1]
     dark = np.flatnonzero(profile[last:] < level)
@@ -165,14 +165,14 @@ def _edge(t: Array, profile: Array, level: float) -> float:
     return float(np.interp(level, profile[[outer, inner]], t[[outer, inner]]))
 
 
-def directions(longitude: Array, latitude: Array) -> Array:
+def directions(longitude: Floats, latitude: Floats) -> Floats:
     """Return unit vectors (m, n, 3) on the axes of a grid of m by n angles [rad]."""
     u, v = longitude[:, None], latitude[None, :]
     parts = np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v) * np.ones_like(u)
     return np.asarray(np.stack(parts, axis=-1), dtype=np.float64)
 
 
-def cells(knots: Array, values: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+def cells(knots: Floats, values: Floats) -> tuple[NDArray[np.intp], Floats, Bools]:
     """Return the cell of `values` (n,) among rising `knots`, the part in it, and whether inside."""
     cell = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
     part = (values - knots[cell]) / (knots[cell + 1] - knots[cell])

@@ -82,16 +82,9 @@ def read_map(
     diffuse passes E = π·K·Σ wᵢ (DiffDirᵢ + DiffIndᵢ): a Lambertian surface reflects L = E·albedo/π,
     and Cycles divides that by DiffCol = albedo. The weights w are those of the file's colours.
 
-    Parameters
-    ----------
-    efficacy_lm_W : K; None means the file's own, or 683.002 lm/W.
-    exposure : film exposure of the render; values are divided by it.
-    view_layer : None means the first that has the passes.
-
-    Raises
-    ------
-    RadError
-        The file cannot be read or has not the passes: names those that it has.
+    `efficacy_lm_W` is K; None means the file's own, or 683.002 lm/W. Values are divided by the film
+    `exposure` of the render. `view_layer` None means the first that has the passes; where none has,
+    RadError names those that there are.
     """
     also = ("Depth.V", "Combined.A")
     passes, header = read_passes(path, *PASSES[quantity], also=also, view_layer=view_layer)

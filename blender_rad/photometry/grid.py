@@ -5,21 +5,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from .text import SAME_DEG, Array, Numbers, Reader
+from ..arrays import Floats
+from .text import SAME_DEG, Numbers, Reader
 
 INTENSITY_LIMIT = 1e12  # cd; the brightest searchlights have 1e9
 NEGATIVE_NOISE = 0.01  # of the peak; more of it is an error
 
 
 def read_table(
-    numbers: Numbers, rows: Array, columns: Array, names: tuple[str, str], line: int
-) -> tuple[Array, Array, Array]:
+    numbers: Numbers, rows: Floats, columns: Floats, names: tuple[str, str], line: int
+) -> tuple[Floats, Floats, Floats]:
     """Return `rows` (m,) and `columns` (n,) [deg] rising, and the intensities (m, n) that follow.
 
-    Raises
-    ------
-    RadError
-        The file ends before, or has a single column; `names` and `line` are of these angles.
+    RadError is for a single column, at the `line` of these angles; `names` are theirs.
     """
     what = f"{len(rows)} × {len(columns)} intensities"
     table = numbers.take(len(rows) * len(columns), what).reshape(len(rows), -1)
@@ -31,14 +29,14 @@ def read_table(
     return rows, columns, transposed.T
 
 
-def check_range(reader: Reader, angles: Array, low: float, high: float, line: int) -> None:
+def check_range(reader: Reader, angles: Floats, low: float, high: float, line: int) -> None:
     """Refuse angles [deg] outside of `low` to `high`."""
     bad = angles[(angles < low - SAME_DEG) | (angles > high + SAME_DEG)]
     if len(bad):
         raise reader.refuse(f"an angle of {bad[0]:g}°", line, f"expected {low:g}° to {high:g}°")
 
 
-def _in_order(reader: Reader, angles: Array, table: Array, what: str) -> tuple[Array, Array]:
+def _in_order(reader: Reader, angles: Floats, table: Floats, what: str) -> tuple[Floats, Floats]:
     """Return `angles` (m,) rising and the rows (m, n) of `table` with them.
 
     Rows out of order still belong to their angles, so sorting changes no light; of two rows at one
@@ -59,13 +57,13 @@ def _in_order(reader: Reader, angles: Array, table: Array, what: str) -> tuple[A
     return angles[keep], table[keep]
 
 
-def mirrored(angles: Array, table: Array) -> tuple[Array, Array]:
+def mirrored(angles: Floats, table: Floats) -> tuple[Floats, Floats]:
     """Return the table with its mirror image beyond its last angle."""
     beyond = 2 * angles[-1] - angles[-2::-1]
     return np.concatenate([angles, beyond]), np.concatenate([table, table[-2::-1]])
 
 
-def both_sides(angles: Array, table: Array, slack: float = SAME_DEG) -> tuple[Array, Array]:
+def both_sides(angles: Floats, table: Floats, slack: float = SAME_DEG) -> tuple[Floats, Floats]:
     """Return a table that starts at 0 with its mirror image before it, any other as it is."""
     if abs(angles[0]) >= slack:
         return angles, table
@@ -74,8 +72,8 @@ def both_sides(angles: Array, table: Array, slack: float = SAME_DEG) -> tuple[Ar
 
 
 def unfold_planes(
-    reader: Reader, planes: Array, table: Array, line: int, *, ring: bool = False
-) -> tuple[Array, Array, str]:
+    reader: Reader, planes: Floats, table: Floats, line: int, *, ring: bool = False
+) -> tuple[Floats, Floats, str]:
     """Return C planes over 360° with the intensities (m, n) of `table`, and the symmetry declared.
 
     The span of the planes says what is to be mirrored: 90° about two planes, 180° about one. With
@@ -107,7 +105,7 @@ def unfold_planes(
     return *mirrored(planes, table), symmetry
 
 
-def light_of(reader: Reader, table: Array, scale: float, line: int) -> Array:
+def light_of(reader: Reader, table: Floats, scale: float, line: int) -> Floats:
     """Return `table` times `scale` as intensities [cd], none of them negative."""
     peak = np.abs(table).max(initial=0.0)
     if not peak * scale < INTENSITY_LIMIT:

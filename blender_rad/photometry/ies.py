@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arrays import Floats
 from .distribution import Distribution, Kind, Opening
 from .grid import both_sides, check_range, light_of, read_table, unfold_planes
-from .text import SAME_DEG, Array, Numbers, Reader
+from .text import SAME_DEG, Numbers, Reader
 
 FEET = 0.3048  # m
 VERSION = re.compile(r"\s*IES(?:NA)?[:\s]*(?:LM-?63-?)?(?:19|20)?(86|91|95|02|19)\b", re.IGNORECASE)
@@ -157,7 +158,7 @@ def _tilt(line: str, numbers: Numbers, folder: Path | None) -> tuple[tuple[float
     return tuple(zip(angles.tolist(), factors.tolist(), strict=True))
 
 
-def _opening(reader: Reader, size: Array, year: int) -> Opening:
+def _opening(reader: Reader, size: Floats, year: int) -> Opening:
     """Return the opening of signed width, length, height [m]; the signs say its shape."""
     width, length, height = np.abs(size).tolist()
     known = SHAPES + (f", {SHAPES_BEFORE_2002}" if year < 2002 else ", -0- vertical circle")
@@ -178,7 +179,7 @@ def _opening(reader: Reader, size: Array, year: int) -> Opening:
 
 def _table(
     numbers: Numbers, kind: Kind, n_vertical: int, n_horizontal: int
-) -> tuple[Array, Array, Array, str]:
+) -> tuple[Floats, Floats, Floats, str]:
     """Return longitude, latitude [deg], the unfolded table, and the symmetry.
 
     In types A and B, angles that start at 0 hold for both sides.

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays import Floats
 from .distribution import Distribution, Opening
 from .grid import check_range, light_of, read_table, unfold_planes
-from .text import NUMBER, SAME_DEG, Array, Numbers, Reader
+from .text import NUMBER, SAME_DEG, Numbers, Reader
 
 MM = 1e-3
 COUNTS = (  # by line, with their limits
@@ -145,7 +146,7 @@ def _opening(reader: Reader) -> Opening:
 
 def _table(
     reader: Reader, symmetry: int, n_planes: int, n_gamma: int, n_sets: int
-) -> tuple[Array, Array, Array, str]:
+) -> tuple[Floats, Floats, Floats, str]:
     """Return C planes, gamma [deg], the unfolded table [cd/klm], and the symmetry.
 
     All planes of the full turn are listed, those that symmetry leaves out as well; the tables hold
@@ -163,7 +164,7 @@ def _table(
     return planes, gamma, table, label
 
 
-def _stored(reader: Reader, symmetry: int, planes: Array, line: int) -> Array:
+def _stored(reader: Reader, symmetry: int, planes: Floats, line: int) -> Floats:
     """Return the planes that the tables hold, those of C270 to C360 before C0."""
     first, last = STORED[symmetry]
     if symmetry == 1:

@@ -7,11 +7,9 @@ import re
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import Finding, RadError, Severity
-
-Array = NDArray[np.float64]
 
 SIZE_LIMIT = 64 << 20  # bytes; the largest real files have a hundredth of it
 SAME_DEG = 1e-6
@@ -21,13 +19,7 @@ NOT_TEXT = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
 
 
 class Reader:
-    """The lines of a file that messages call `name`, and what was found and repaired so far.
-
-    Raises
-    ------
-    RadError
-        Where the content is not text.
-    """
+    """The lines of a file that messages call `name`, and what was found and repaired so far."""
 
     def __init__(self, data: bytes, name: str) -> None:
         self.name = name
@@ -83,7 +75,7 @@ class Numbers:
         """The line of the number taken last."""
         return self._tokens[self._at - 1][0] if self._at else 1
 
-    def take(self, count: int, what: str) -> Array:
+    def take(self, count: int, what: str) -> Floats:
         """Return the next `count` numbers."""
         taken = self._tokens[self._at : self._at + count]
         values = [self.reader.number(token, line, what) for line, token in taken]

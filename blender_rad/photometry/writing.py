@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import Floats
 from .distribution import Distribution, cells, directions
-from .text import Array
 
 # An opening's signs by its shape; all others are boxes, which their zeros tell apart.
 SIGNS = {"circular": (-1, -1, 1), "vertical cylinder": (-1, -1, 1), "sphere": (-1, -1, -1)}
@@ -51,11 +51,11 @@ def as_ies(light: Distribution, *, blender: bool = False) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _line(values: Array) -> str:
+def _line(values: Floats) -> str:
     return " ".join(f"{value!r}".removesuffix(".0") for value in values.tolist())
 
 
-def _planes(longitude: Array, table: Array, blender: bool) -> tuple[Array, Array]:
+def _planes(longitude: Floats, table: Floats, blender: bool) -> tuple[Floats, Floats]:
     """Return the planes from 0° to 360°, interpolated where the file has none at 0°."""
     if not blender and len(longitude) == 2 and (table[0] == table[1]).all():
         return longitude[:1], table[:1]
@@ -72,7 +72,7 @@ def _planes(longitude: Array, table: Array, blender: bool) -> tuple[Array, Array
     return turned, (1.0 - part)[:, None] * table[i] + part[:, None] * table[i + 1]
 
 
-def _sampled(light: Distribution) -> tuple[Array, Array, Array]:
+def _sampled(light: Distribution) -> tuple[Floats, Floats, Floats]:
     """Return C planes, latitudes and the table of a light of type A or B."""
     finest = min(np.diff(light.longitude).min(), np.diff(light.latitude).min())
     step = 90.0 / np.ceil(90.0 / np.clip(finest, *STEPS_DEG))

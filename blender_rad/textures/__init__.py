@@ -14,11 +14,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..registry import Registry
 
-Array = NDArray[np.float64]
 ZERO, ONE = np.zeros((1, 3)), np.ones((1, 3))
 UV = ""  # attributes that have no name of their own: the UV map that renders take,
 COLOUR = "\0colour"  # the colours,
@@ -31,20 +30,20 @@ TANGENT = "\0tangent"  # ends the name of a UV map: its tangent, and 1 or -1 for
 class Context:
     """Points (n,) on surfaces, or on lights, and who looks at them."""
 
-    position: Array = field(default_factory=ZERO.copy)  # in the world [bu]
-    normal: Array = field(default_factory=ZERO.copy)  # unit, on the viewer's side, as is the next
-    geometric: Array = field(default_factory=ZERO.copy)
-    incoming: Array = field(default_factory=ZERO.copy)  # unit, towards the viewer
-    distance: Array = field(default_factory=lambda: np.full((1, 1), np.inf))  # [bu] to the viewer
-    backfacing: Array = field(default_factory=lambda: np.zeros((1, 1)))  # 1 where the back is seen
-    parametric: Array = field(default_factory=ZERO.copy)  # first corner, second, 0; of lights UV
-    object_from_world: Array = field(default_factory=lambda: np.eye(4))
-    attribute: Callable[[str], Array | None] = lambda name: None  # (n, k) by name, if any
-    measured: Callable[[int], Array] = lambda slot: ZERO  # (n, 3) of what Blender was asked
-    known: dict[int, Array] = field(default_factory=dict[int, Array])
+    position: Floats = field(default_factory=ZERO.copy)  # in the world [bu]
+    normal: Floats = field(default_factory=ZERO.copy)  # unit, on the viewer's side, as is the next
+    geometric: Floats = field(default_factory=ZERO.copy)
+    incoming: Floats = field(default_factory=ZERO.copy)  # unit, towards the viewer
+    distance: Floats = field(default_factory=lambda: np.full((1, 1), np.inf))  # [bu] to the viewer
+    backfacing: Floats = field(default_factory=lambda: np.zeros((1, 1)))  # 1 where the back is seen
+    parametric: Floats = field(default_factory=ZERO.copy)  # first corner, second, 0; of lights UV
+    object_from_world: Floats = field(default_factory=lambda: np.eye(4))
+    attribute: Callable[[str], Floats | None] = lambda name: None  # (n, k) by name, if any
+    measured: Callable[[int], Floats] = lambda slot: ZERO  # (n, 3) of what Blender was asked
+    known: dict[int, Floats] = field(default_factory=dict[int, Floats])
 
     @property
-    def normal_in_object(self) -> Array:
+    def normal_in_object(self) -> Floats:
         """The normals (n, 3) in the object's axes, of any length."""
         return self.normal @ np.linalg.inv(self.object_from_world[:3, :3])
 
@@ -56,19 +55,19 @@ class Call:
         self.output, self.settings, self.context = node.output, node.settings, context
         self._inputs = node.inputs
 
-    def __getitem__(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Floats:
         return self._inputs[name].evaluate(self.context)
 
-    def values(self) -> dict[str, Array]:
+    def values(self) -> dict[str, Floats]:
         """Return all inputs."""
         return {name: self[name] for name in self._inputs}
 
-    def columns(self, *names: str) -> Array:
+    def columns(self, *names: str) -> Floats:
         """Return inputs (n, 1) side by side."""
         return np.concatenate(np.broadcast_arrays(*(self[name] for name in names)), axis=1)
 
 
-Function = Callable[[Call], Array]
+Function = Callable[[Call], Floats]
 TEXTURES: Registry[Function] = Registry(__name__, "texture node")
 SOURCES: Registry[Function] = Registry(__name__, "texture source")
 
@@ -88,7 +87,7 @@ class Expression:
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])  # by Blender's names
     inputs: Mapping[str, Expression] = field(default_factory=dict[str, "Expression"])
 
-    def evaluate(self, context: Context) -> Array:
+    def evaluate(self, context: Context) -> Floats:
         """Return its values, (n, 1) or (n, 3), or a single row for all."""
         found = context.known.get(id(self))
         if found is None:
@@ -98,12 +97,12 @@ class Expression:
             context.known[id(self)] = found = np.nan_to_num(found, nan=0.0)
         return found
 
-    def rgb(self, context: Context, count: int) -> Array:
+    def rgb(self, context: Context, count: int) -> Floats:
         """Return its values as colours, (count, 3)."""
         return np.broadcast_to(self.evaluate(context), (count, 3))
 
     @cached_property
-    def value(self) -> Array | None:
+    def value(self) -> Floats | None:
         """What it is everywhere, (1, 1) or (1, 3); None where it varies."""
         return None if self._varies else self.evaluate(Context())
 
@@ -144,27 +143,27 @@ def folded(expression: Expression) -> Expression:
     return expression if expression.value is None else constant(expression.value)
 
 
-def clip(values: Array) -> Array:
+def clip(values: Floats) -> Floats:
     """Return values in [0, 1]."""
     return np.clip(values, 0.0, 1.0)
 
 
-def smoothstep(values: Array) -> Array:
+def smoothstep(values: Floats) -> Floats:
     """Return 3t² − 2t³ of values t, clipped to [0, 1]."""
     t = clip(values)
     return t * t * (3.0 - 2.0 * t)
 
 
-def divided(a: Array, b: Array) -> Array:
+def divided(a: Floats, b: Floats) -> Floats:
     """Return a/b, 0 where b is 0."""
     return np.where(b == 0.0, 0.0, a / np.where(b == 0.0, 1.0, b))
 
 
-def dot(a: Array, b: Array) -> Array:
+def dot(a: Floats, b: Floats) -> Floats:
     """Return scalar products (n, 1)."""
     return np.sum(a * b, axis=1, keepdims=True)
 
 
-def unit(vectors: Array) -> Array:
+def unit(vectors: Floats) -> Floats:
     """Return vectors at unit length, those without length as 0."""
     return divided(vectors, np.sqrt(dot(vectors, vectors)))

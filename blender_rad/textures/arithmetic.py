@@ -7,18 +7,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import TEXTURES, Array, Call, clip, divided, dot, register, smoothstep, unit
+from ..arrays import Floats
+from . import TEXTURES, Call, clip, divided, dot, register, smoothstep, unit
 
-Operation = Callable[[Array, Array, Array], Array]
+Operation = Callable[[Floats, Floats, Floats], Floats]
 
 
-def _converted(call: Call) -> Array:
+def _converted(call: Call) -> Floats:
     """Return what a link between sockets of different types gives: `weights` times what comes."""
     weights = np.asarray(call.settings["weights"], dtype=np.float64)
     return call["a"] @ weights[:, None] if len(weights) == 3 else np.tile(call["a"], (1, 3))
 
 
-def _component(call: Call) -> Array:
+def _component(call: Call) -> Floats:
     k = "XYZ".index(call.output)
     return call["Vector"][:, k : k + 1]
 
@@ -36,7 +37,7 @@ register(
 )
 
 
-def _smooth_minimum(a: Array, b: Array, c: Array) -> Array:
+def _smooth_minimum(a: Floats, b: Floats, c: Floats) -> Floats:
     return np.minimum(a, b) - divided(np.maximum(c - np.abs(a - b), 0.0), c) ** 3 * c / 6.0
 
 
@@ -101,14 +102,14 @@ OF_VECTORS = OF_BOTH | {
 
 
 @TEXTURES.register("ShaderNodeMath")
-def _math(call: Call) -> Array:
+def _math(call: Call) -> Floats:
     values = (call[name] for name in ("Value", "Value_001", "Value_002"))
     found = OF_NUMBERS[call.settings["operation"]](*values)
     return clip(found) if call.settings["use_clamp"] else found
 
 
 @TEXTURES.register("ShaderNodeVectorMath")
-def _vector_math(call: Call) -> Array:
+def _vector_math(call: Call) -> Floats:
     if call.settings["operation"] == "SCALE":
         return call["Vector"] * call["Scale"]
     values = (call[name] for name in ("Vector", "Vector_001", "Vector_002"))
@@ -116,7 +117,7 @@ def _vector_math(call: Call) -> Array:
 
 
 @TEXTURES.register("ShaderNodeClamp")
-def _clamp(call: Call) -> Array:
+def _clamp(call: Call) -> Floats:
     low, high = call["Min"], call["Max"]
     if call.settings["clamp_type"] == "RANGE":
         low, high = np.minimum(low, high), np.maximum(low, high)
@@ -124,10 +125,10 @@ def _clamp(call: Call) -> Array:
 
 
 @TEXTURES.register("ShaderNodeMapRange")
-def _map_range(call: Call) -> Array:
+def _map_range(call: Call) -> Floats:
     vector = call.settings["data_type"] == "FLOAT_VECTOR"
 
-    def read(name: str) -> Array:
+    def read(name: str) -> Floats:
         return call[f"{name.replace(' ', '_')}_FLOAT3" if vector else name]
 
     low, high, first, last = map(read, ("From Min", "From Max", "To Min", "To Max"))
@@ -152,7 +153,7 @@ def _map_range(call: Call) -> Array:
 
 
 @TEXTURES.register("ShaderNodeMapping")
-def _mapping(call: Call) -> Array:
+def _mapping(call: Call) -> Floats:
     vector, scale, turn = call["Vector"], call["Scale"], _euler(call["Rotation"])
     match call.settings["vector_type"]:
         case "TEXTURE":
@@ -163,7 +164,7 @@ def _mapping(call: Call) -> Array:
             return _turned(turn, vector * scale) + (call["Location"] if kind == "POINT" else 0.0)
 
 
-def _euler(angles: Array) -> Array:
+def _euler(angles: Floats) -> Floats:
     """Return matrices (n, 3, 3) of rotations about x, then y, then z."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
     rows = [
@@ -174,11 +175,11 @@ def _euler(angles: Array) -> Array:
     return np.moveaxis(np.array(rows), -1, 0)
 
 
-def _turned(matrices: Array, vectors: Array) -> Array:
+def _turned(matrices: Floats, vectors: Floats) -> Floats:
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
 @TEXTURES.register("ShaderNodeNormal")
-def _normal(call: Call) -> Array:
+def _normal(call: Call) -> Floats:
     direction = unit(np.array([call.settings["direction"]]))
     return direction if call.output == "Normal" else dot(direction, unit(call["Normal"]))

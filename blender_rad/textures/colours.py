@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..arrays import Floats
 from ..lights._emission import blackbody_rgb
-from . import TEXTURES, Array, Call, clip, divided, register
+from . import TEXTURES, Call, clip, divided, register
 
-BLENDS: dict[str, Callable[[Array, Array, Array], Array]] = {
+BLENDS: dict[str, Callable[[Floats, Floats, Floats], Floats]] = {
     "MIX": lambda t, a, b: a + t * (b - a),
     "ADD": lambda t, a, b: a + t * b,
     "SUBTRACT": lambda t, a, b: a - t * b,
@@ -32,7 +33,7 @@ BLENDS: dict[str, Callable[[Array, Array, Array], Array]] = {
 
 
 @TEXTURES.register("ShaderNodeMix")
-def _mix(call: Call) -> Array:
+def _mix(call: Call) -> Floats:
     settings = call.settings
     kind = {"FLOAT": "Float", "VECTOR": "Vector", "RGBA": "Color"}[settings["data_type"]]
     uneven = kind == "Vector" and settings["factor_mode"] == "NON_UNIFORM"
@@ -44,12 +45,12 @@ def _mix(call: Call) -> Array:
 
 
 @TEXTURES.register("ShaderNodeMixRGB")
-def _mix_rgb(call: Call) -> Array:
+def _mix_rgb(call: Call) -> Floats:
     found = BLENDS[call.settings["blend_type"]](clip(call["Fac"]), call["Color1"], call["Color2"])
     return clip(found) if call.settings["use_clamp"] else found
 
 
-def _looked_up(table: Array, at: Array, *, step: bool = False, beyond: bool = False) -> Array:
+def _looked_up(table: Floats, at: Floats, *, step: bool = False, beyond: bool = False) -> Floats:
     """Return a table (m,) over [0, 1] at places (n,), its last slopes `beyond` its ends."""
     last = len(table) - 1
     place = clip(at) * last
@@ -63,31 +64,31 @@ def _looked_up(table: Array, at: Array, *, step: bool = False, beyond: bool = Fa
 
 
 @TEXTURES.register("ShaderNodeValToRGB")
-def _colour_ramp(call: Call) -> Array:
+def _colour_ramp(call: Call) -> Floats:
     table, step = call.settings["table"], call.settings["step"]
     columns = (3,) if call.output == "Alpha" else (0, 1, 2)
     at = call["Fac"][:, 0]
     return np.stack([_looked_up(table[:, k], at, step=step) for k in columns], axis=1)
 
 
-def _curved(call: Call, share: Array, value: Array) -> Array:
+def _curved(call: Call, share: Floats, value: Floats) -> Floats:
     (low, high), table = call.settings["range"], call.settings["table"]
     at, beyond = (value - low) / (high - low), call.settings["beyond"]
     columns = [_looked_up(table[:, k], at[:, k], beyond=beyond) for k in range(table.shape[1])]
     return value + share * (np.stack(columns, axis=1) - value)
 
 
-def _gamma(call: Call) -> Array:
+def _gamma(call: Call) -> Floats:
     colour, gamma = call["Color"], call["Gamma"]
     return np.where(gamma == 0.0, 1.0, np.where(colour > 0.0, np.abs(colour) ** gamma, colour))
 
 
-def _bright_contrast(call: Call) -> Array:
+def _bright_contrast(call: Call) -> Floats:
     contrast = call["Contrast"]
     return np.maximum((1.0 + contrast) * call["Color"] + call["Bright"] - 0.5 * contrast, 0.0)
 
 
-def to_hsv(rgb: Array) -> Array:
+def to_hsv(rgb: Floats) -> Floats:
     """Return hue, saturation and value of colours (n, 3)."""
     r, g, b = rgb.T
     high, span = rgb.max(axis=1), np.ptp(rgb, axis=1)
@@ -100,14 +101,14 @@ def to_hsv(rgb: Array) -> Array:
     return np.stack([hue, divided(span, high), high], axis=1)
 
 
-def from_hsv(hsv: Array) -> Array:
+def from_hsv(hsv: Floats) -> Floats:
     """Return the colours (n, 3) of hue, saturation and value."""
     h, s, v = (hsv[:, k : k + 1] for k in range(3))
     near = clip(np.abs(np.mod(h * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0)
     return v * (1.0 + s * (near - 1.0))
 
 
-def _hue_saturation(call: Call) -> Array:
+def _hue_saturation(call: Call) -> Floats:
     rgb = call["Color"]
     h, s, v = (column[:, None] for column in to_hsv(rgb).T)
     parts = (h + call["Hue"] + 0.5, clip(s * call["Saturation"]), v * call["Value"])
@@ -115,22 +116,22 @@ def _hue_saturation(call: Call) -> Array:
     return np.maximum(rgb + call["Fac"] * (shifted - rgb), 0.0)
 
 
-def _component(call: Call) -> Array:
+def _component(call: Call) -> Floats:
     k = ("Red", "Green", "Blue").index(call.output)
     colour = call["Color"]
     return (to_hsv(colour) if call.settings["mode"] == "HSV" else colour)[:, k : k + 1]
 
 
-def _combined(call: Call) -> Array:
+def _combined(call: Call) -> Floats:
     colour = call.columns("Red", "Green", "Blue")
     return from_hsv(colour) if call.settings["mode"] == "HSV" else colour
 
 
-def _grey(call: Call) -> Array:
+def _grey(call: Call) -> Floats:
     return call["Color"] @ np.reshape(call.settings["weights"], (3, 1))
 
 
-def _blackbody(call: Call) -> Array:
+def _blackbody(call: Call) -> Floats:
     return np.array([blackbody_rgb(float(t)) for t in call["Temperature"][:, 0]])
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import Floats
 from ..bsdfs._fresnel import Dielectric
 from ..rays import transform_points
-from . import COLOUR, GENERATED, SOURCES, UV, ZERO, Array, Call, Context, divided, dot, unit
+from . import COLOUR, GENERATED, SOURCES, UV, ZERO, Call, Context, divided, dot, unit
 from .normals import radial
 
 
-def _attribute(context: Context, name: str) -> Array:
+def _attribute(context: Context, name: str) -> Floats:
     """Return an attribute as (n, 3), 0 where there is none."""
     found = context.attribute(name)
     if found is None:
@@ -23,7 +24,7 @@ def _attribute(context: Context, name: str) -> Array:
 
 
 @SOURCES.register("ShaderNodeTexCoord")
-def _texture_coordinate(call: Call) -> Array:
+def _texture_coordinate(call: Call) -> Floats:
     context = call.context
     match call.output:
         case "UV":
@@ -41,18 +42,18 @@ def _texture_coordinate(call: Call) -> Array:
 
 
 @SOURCES.register("MEASURED")
-def _measured(call: Call) -> Array:
+def _measured(call: Call) -> Floats:
     """Return what Blender says, `width` 1 or 3 wide, of the socket in a `slot`."""
     return call.context.measured(call.settings["slot"])[:, : call.settings["width"]]
 
 
 @SOURCES.register("ShaderNodeUVMap")
-def _uv_map(call: Call) -> Array:
+def _uv_map(call: Call) -> Floats:
     return _attribute(call.context, call.settings["uv_map"])
 
 
 @SOURCES.register("ShaderNodeVertexColor")
-def _colour_attribute(call: Call) -> Array:
+def _colour_attribute(call: Call) -> Floats:
     name = call.settings["layer_name"] or COLOUR
     found = call.context.attribute(name)
     if call.output == "Alpha":
@@ -61,7 +62,7 @@ def _colour_attribute(call: Call) -> Array:
 
 
 @SOURCES.register("ShaderNodeAttribute")
-def _named_attribute(call: Call) -> Array:
+def _named_attribute(call: Call) -> Floats:
     found = call.context.attribute(call.settings["attribute_name"])
     width = 0 if found is None else found.shape[1]
     if call.output == "Alpha":
@@ -73,7 +74,7 @@ def _named_attribute(call: Call) -> Array:
 
 
 @SOURCES.register("ShaderNodeNewGeometry")
-def _geometry(call: Call) -> Array:
+def _geometry(call: Call) -> Floats:
     if call.output == "Tangent":
         return radial(call.context, "Z")
     name = "geometric" if call.output == "True Normal" else call.output.lower()
@@ -81,19 +82,19 @@ def _geometry(call: Call) -> Array:
 
 
 @SOURCES.register("ShaderNodeObjectInfo")
-def _object_info(call: Call) -> Array:
+def _object_info(call: Call) -> Floats:
     return np.linalg.inv(call.context.object_from_world)[None, :3, 3]
 
 
 @SOURCES.register("ShaderNodeLightFalloff")
-def _light_falloff(call: Call) -> Array:
+def _light_falloff(call: Call) -> Floats:
     length, strength, smooth = call.context.distance, call["Strength"], call["Smooth"]
     power = {"Quadratic": 0, "Linear": 1, "Constant": 2}[call.output]
     damped = np.where(smooth > 0.0, length**2 / (smooth + length**2), 1.0)
     return np.where(np.isinf(length), strength, strength * length**power * damped)
 
 
-def _reflectance(call: Call, eta: Array) -> Array:
+def _reflectance(call: Call, eta: Floats) -> Floats:
     """Return Fresnel's at a relative index of refraction, its inverse seen from the back."""
     eta = np.where(call.context.backfacing > 0.0, 1.0 / eta, eta)
     facing = np.abs(dot(call.context.incoming, call["Normal"]))
@@ -101,12 +102,12 @@ def _reflectance(call: Call, eta: Array) -> Array:
 
 
 @SOURCES.register("ShaderNodeFresnel")
-def _fresnel(call: Call) -> Array:
+def _fresnel(call: Call) -> Floats:
     return _reflectance(call, np.maximum(call["IOR"], 1e-5))
 
 
 @SOURCES.register("ShaderNodeLayerWeight")
-def _layer_weight(call: Call) -> Array:
+def _layer_weight(call: Call) -> Floats:
     blend = call["Blend"]
     if call.output == "Fresnel":
         return _reflectance(call, 1.0 / np.maximum(1.0 - blend, 1e-5))

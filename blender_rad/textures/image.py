@@ -30,21 +30,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import TEXTURES, Array, Call, divided, unit
+from ..arrays import Floats, Ints
+from . import TEXTURES, Call, divided, unit
 
 Pixels = NDArray[np.uint8] | NDArray[np.float32]
 
 MISSING = np.array([[1.0, 0.0, 1.0, 1.0]])
 
 
-def from_srgb(encoded: Array) -> Array:
+def from_srgb(encoded: Floats) -> Floats:
     """Return linear values of sRGB ones (IEC 61966-2-1)."""
     encoded = np.maximum(encoded, 0.0)
     return np.where(encoded < 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 @TEXTURES.register("ShaderNodeTexImage")
-def _image(call: Call) -> Array:
+def _image(call: Call) -> Floats:
     at, extension = call["Vector"], call.settings["extension"]
     if call.settings["projection"] != "BOX":
         return _decoded(call, _projected(at, call.settings["projection"]), extension)
@@ -53,7 +54,7 @@ def _image(call: Call) -> Array:
     return np.einsum("nk,knc->nc", _box_weights(normal, call.settings["projection_blend"]), parts)
 
 
-def _projected(at: Array, projection: str) -> Array:
+def _projected(at: Floats, projection: str) -> Floats:
     """Return where places (n, 3) in the unit cube are on a picture, (n, 2) or more."""
     if projection == "FLAT":
         return at
@@ -64,7 +65,7 @@ def _projected(at: Array, projection: str) -> Array:
     return np.stack([around, 1.0 - np.arccos(unit(2.0 * at - 1.0)[:, 2]) / np.pi], axis=1)
 
 
-def _sides(at: Array, normal: Array) -> list[Array]:
+def _sides(at: Floats, normal: Floats) -> list[Floats]:
     """Return where a place is on the pictures that look along the axes x, y and z, (n, 2) each."""
     pairs = ((1, 2, normal[:, 0] < 0.0), (0, 2, normal[:, 1] > 0.0), (1, 0, normal[:, 2] > 0.0))
     return [
@@ -73,7 +74,7 @@ def _sides(at: Array, normal: Array) -> list[Array]:
     ]
 
 
-def _box_weights(normal: Array, blend: float) -> Array:
+def _box_weights(normal: Floats, blend: float) -> Floats:
     """Return how much the pictures along the axes count (n, 3), where normals point.
 
     One counts alone where its axis has more than (1 + `blend`)/2 of it and each of the others,
@@ -98,7 +99,7 @@ def _box_weights(normal: Array, blend: float) -> Array:
 
 
 @TEXTURES.register("ShaderNodeTexEnvironment")
-def _environment(call: Call) -> Array:
+def _environment(call: Call) -> Floats:
     x, y, z = unit(call["Vector"]).T
     if call.settings["projection"] == "EQUIRECTANGULAR":
         uv = np.stack([0.5 - np.arctan2(y, x) / (2 * np.pi), 0.5 + np.arcsin(z) / np.pi], axis=1)
@@ -108,7 +109,7 @@ def _environment(call: Call) -> Array:
     return _decoded(call, uv, "REPEAT")
 
 
-def _decoded(call: Call, uv: Array, extension: str) -> Array:
+def _decoded(call: Call, uv: Floats, extension: str) -> Floats:
     """Return what an output of an image node gives at `uv` (n, 2)."""
     settings, rgba = call.settings, MISSING
     missing = settings.get("pixels") is None
@@ -122,7 +123,7 @@ def _decoded(call: Call, uv: Array, extension: str) -> Array:
     return from_srgb(colour) if not missing and settings["encoded"] else colour
 
 
-def _on_tiles(settings: Mapping[str, Any], uv: Array, extension: str) -> Array:
+def _on_tiles(settings: Mapping[str, Any], uv: Floats, extension: str) -> Floats:
     """Return what is at `uv` (n, 2), which are columns and rows of tiles if there are any."""
     tiles, interpolation = settings.get("tiles"), settings["interpolation"]
     if tiles is None:
@@ -136,7 +137,7 @@ def _on_tiles(settings: Mapping[str, Any], uv: Array, extension: str) -> Array:
     return found
 
 
-def _sampled(pixels: Pixels, uv: Array, interpolation: str, extension: str) -> Array:
+def _sampled(pixels: Pixels, uv: Floats, interpolation: str, extension: str) -> Floats:
     columns, rows = (
         _taps(uv[:, axis], pixels.shape[1 - axis], interpolation, extension) for axis in (0, 1)
     )
@@ -147,9 +148,7 @@ def _sampled(pixels: Pixels, uv: Array, interpolation: str, extension: str) -> A
     return total / 255.0 if pixels.dtype == np.uint8 else total
 
 
-def _taps(
-    u: Array, size: int, interpolation: str, extension: str
-) -> list[tuple[NDArray[np.int64], Array]]:
+def _taps(u: Floats, size: int, interpolation: str, extension: str) -> list[tuple[Ints, Floats]]:
     """Return the texels (n,) that count along one axis, and their weights (n,)."""
     at = u * size - (0.0 if interpolation == "Closest" else 0.5)
     first = np.floor(at).astype(np.int64)
@@ -171,7 +170,7 @@ def _taps(
     return [(texel, w) for _, texel, w in taps]
 
 
-def _wrapped(index: NDArray[np.int64], size: int, extension: str) -> NDArray[np.int64]:
+def _wrapped(index: Ints, size: int, extension: str) -> Ints:
     """Return the texels that stand for `index` (n,)."""
     if extension == "REPEAT":
         return index % size

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from ..arrays import Floats
 from ..bsdfs import Inputs
 from ..bsdfs.principled import emitted
-from . import ONE, SOURCES, Array, Call, unit
+from . import ONE, SOURCES, Call, unit
 
 
 @SOURCES.register("EMITTED")
-def _emitted(call: Call) -> Array:
+def _emitted(call: Call) -> Floats:
     """Return what the alpha, sheen and coat of a Principled BSDF leave of its emission."""
     context, values = call.context, call.values()
     weight = ONE.repeat(len(context.normal), axis=0)

@@ -5,15 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import GENERATED, NORMAL, SOURCES, TANGENT, UV, ZERO, Array, Call, Context, clip, dot, unit
+from ..arrays import Floats
+from . import GENERATED, NORMAL, SOURCES, TANGENT, UV, ZERO, Call, Context, clip, dot, unit
 
 
-def _to_world(context: Context, normals: Array) -> Array:
+def _to_world(context: Context, normals: Floats) -> Floats:
     return unit(normals @ context.object_from_world[:3, :3])
 
 
 @SOURCES.register("ShaderNodeNormalMap")
-def _normal_map(call: Call) -> Array:
+def _normal_map(call: Call) -> Floats:
     """Return the normal that a colour states, of the plain one as far as the strength says.
 
     In tangent space (T, s n × T, n) is no orthonormal frame: T and n are those of the corners,
@@ -45,7 +46,7 @@ def _normal_map(call: Call) -> Array:
     return np.where(bent.any(axis=1, keepdims=True), bent, context.normal)
 
 
-def radial(context: Context, axis: str) -> Array:
+def radial(context: Context, axis: str) -> Floats:
     """Return the tangents (n, 3) around an axis of the bounds."""
     generated = context.attribute(GENERATED)
     from_middle = (context.position if generated is None else generated) - 0.5
@@ -53,14 +54,14 @@ def radial(context: Context, axis: str) -> Array:
     return _in_surface(context, np.asarray(np.cross(axes["XYZ".index(axis)], from_middle), float))
 
 
-def _in_surface(context: Context, tangent: Array) -> Array:
+def _in_surface(context: Context, tangent: Floats) -> Floats:
     """Return unit vectors (n, 3) in the tangent plane, as near to `tangent` of the object."""
     tangent = _to_world(context, tangent)
     return unit(tangent - dot(tangent, context.normal) * context.normal)
 
 
 @SOURCES.register("ShaderNodeTangent")
-def _tangent(call: Call) -> Array:
+def _tangent(call: Call) -> Floats:
     if call.settings["direction_type"] == "RADIAL":
         return radial(call.context, call.settings["axis"])
     found = call.context.attribute((call.settings["uv_map"] or UV) + TANGENT)

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from . import TEXTURES, Array, Call, clip, dot, smoothstep
+from ..arrays import Floats
+from . import TEXTURES, Call, clip, dot, smoothstep
 
 
 @TEXTURES.register("ShaderNodeTexChecker")
-def _checker(call: Call) -> Array:
+def _checker(call: Call) -> Floats:
     cell = np.floor((call["Vector"] * call["Scale"] + 1e-6) * 0.999999)
     first = np.sum(cell, axis=1, keepdims=True) % 2.0 == 0.0
     if call.output == "Fac":
@@ -20,7 +21,7 @@ def _checker(call: Call) -> Array:
 
 
 @TEXTURES.register("ShaderNodeTexGradient")
-def _gradient(call: Call) -> Array:
+def _gradient(call: Call) -> Floats:
     vector = call["Vector"]
     x, y = vector[:, :1], vector[:, 1:2]
     r = np.maximum(0.999999 - np.sqrt(dot(vector, vector)), 0.0)

@@ -5,13 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ...arrays import Floats
 from ...registry import Registry
 
-Array = NDArray[np.float64]
-Compute = Callable[[Array, Array], float]
+Compute = Callable[[Floats, Floats], float]
 
 
 METRICS: Registry[Compute] = Registry(__name__, "metric")
@@ -22,7 +19,7 @@ def metric(compute: Compute) -> Compute:
     return METRICS.register(compute.__name__)(compute)
 
 
-def compute_all(candidate: Array, reference: Array) -> dict[str, float]:
+def compute_all(candidate: Floats, reference: Floats) -> dict[str, float]:
     """Return every registered metric by name; nan for pictures without pixels."""
     blank = candidate.size == 0
     return {
