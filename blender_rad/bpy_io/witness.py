@@ -47,8 +47,7 @@ _ALWAYS: dict[str, Any] = {
     "cycles.device": "CPU",
     "cycles.use_auto_tile": False,  # tiles go through files
     "cycles.use_layer_samples": "IGNORE",
-    "cycles.use_sample_subset": False,
-    "cycles.sample_offset": 0,
+    "cycles.use_sample_subset": True,  # see `CyclesWitness._channels`
     "cycles.use_animated_seed": False,
 }
 
@@ -194,7 +193,10 @@ class CyclesWitness:
     def _channels(
         self, seed: int, samples: int, progress: Progress | None = None
     ) -> dict[str, NDArray[np.float32]]:
-        self.bl_scene.cycles.seed, self.bl_scene.cycles.samples = seed, samples
+        """Leave out Cycles' first samples: the very first goes through the pixel's centre."""
+        cycles, skipped = self.bl_scene.cycles, samples if samples > 1 else 0
+        cycles.seed, cycles.samples = seed, skipped + samples
+        cycles.sample_offset, cycles.sample_subset_length = skipped, samples
         self.bl_scene.update_tag()
         with tempfile.TemporaryDirectory() as folder, interrupt_later():
             file = Path(folder) / "witness.exr"
