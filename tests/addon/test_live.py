@@ -63,7 +63,10 @@ def gone(objects: Any) -> None:
 
 @pytest.mark.parametrize(
     ("change", "read_again"),
-    [(turned, False), (relit, False), (coloured, True), (dark, True), (gone, True), (skied, True)],
+    [
+        *((turned, False), (relit, False), (coloured, True), (dark, True), (gone, True)),
+        pytest.param(skied, True, marks=pytest.mark.slow),
+    ],
 )
 def test_it_is_followed(
     addon: Any, monkeypatch: pytest.MonkeyPatch, change: Any, read_again: bool
