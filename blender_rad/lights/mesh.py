@@ -12,11 +12,12 @@ parameter           unit                    meaning
 Derivation. Each triangle is a Lambert polygon; E = L Σ |E_i| over the triangles, since each shines
 from both faces. Triangles are unoccluded by one another here: what hides what is the estimator's
 to find. To points on itself a triangle sends nothing. Each face emits πLA, so Φ = 2πLA; of a closed
-mesh half of that hits its own inside and `leaving_flux` is the rest. Up to 64 triangles that
-face one way are summed in closed form; samples pick triangles by area, textured ones half by area
-and half by the power that a few points in each let expect, and their density is that of the
-triangle picked alone. Flux and intensity of textured ones are means over these points. The radiance
-is the same in both models.
+mesh half of that hits its own inside and `leaving_flux` is the rest. Up to 64 triangles are summed
+in closed form at points that see all of them from the same face: elsewhere they hide each other,
+and the sum tells little. Samples pick triangles by area, textured ones half by area and half by the
+power that a few points in each let expect, and their density is that of the triangle picked alone.
+Flux and intensity of textured ones are means over these points. The radiance is the same in both
+models.
 """
 
 from __future__ import annotations
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from ..rays import Caster
 
 CLOSED_FORM_TRIANGLES = 64  # above it, summing polygons costs more than sampling is worth
-ONE_WAY = 0.5  # |Σ N| over Σ |N|: below it triangles hide each other, and E of all tells little
 ON_IT = 1e-6  # in units of the root of a triangle's area: points so near its plane lie in it
 FAR_POINTS, FAR_DIRECTIONS = (
     1024,
@@ -88,10 +88,6 @@ class MeshLight(Light):
     @property
     def _area(self) -> float:
         return float(self._areas.sum())
-
-    @cached_property
-    def _faces_one_way(self) -> bool:
-        return bool(np.linalg.norm(self._normals.sum(axis=0)) >= ONE_WAY * 2.0 * self._area)
 
     @cached_property
     def _tried(self) -> Array:
@@ -149,14 +145,18 @@ class MeshLight(Light):
         return position, i, np.stack([s, t]), chance / self._areas[i]
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
-        many = len(self.triangles) > CLOSED_FORM_TRIANGLES
-        if self.texture is not None or many or not self._faces_one_way:
+        if self.texture is not None or len(self.triangles) > CLOSED_FORM_TRIANGLES:
             return None
-        total = np.zeros(len(points))
-        for triangle, normal in zip(self.triangles, self._normals, strict=True):
-            off = np.abs((points - triangle[0]) @ normal) > ON_IT * (normal @ normal) ** 0.75
-            each = np.abs(geometry.polygon_irradiance(triangle, points, normals))
-            total += np.where(off, each, 0.0)
+        offsets = np.sum(self.triangles[:, 0] * self._normals, axis=1)
+        side = points @ self._normals.T - offsets
+        off = np.abs(side) > ON_IT * np.sum(self._normals**2, axis=1) ** 0.75
+        before, behind = np.any(off & (side > 0.0), axis=1), np.any(off & (side < 0.0), axis=1)
+        alike = np.flatnonzero(~(before & behind))
+        total = np.full(len(points), np.nan)
+        total[alike] = 0.0
+        for triangle, seen in zip(self.triangles, off.T, strict=True):
+            at = alike[seen[alike]]
+            total[at] += np.abs(geometry.polygon_irradiance(triangle, points[at], normals[at]))
         return total
 
     def intersect(self, origins: Array, directions: Array) -> tuple[Array, Array]:

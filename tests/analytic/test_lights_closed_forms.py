@@ -61,7 +61,7 @@ def mesh(triangles: Any, rgb: float = 1.0) -> MeshLight:
 
 def emitting_box() -> MeshLight:
     c = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    quads = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return mesh([c[list(t)] for a, b, d, e in quads for t in ((a, b, d), (a, d, e))])
 
 

@@ -82,7 +82,7 @@ def test_samples_are_well_formed_and_linear_in_rgb(light, rng):
 def test_samples_average_to_the_closed_form(light, rng):
     points, normals = receivers(rng, 40)
     exact = light.irradiance(points, normals)
-    if exact is None:
+    if exact is None or np.isnan(exact).all():
         pytest.skip("no closed form")
     known = np.flatnonzero(np.isfinite(exact))
     assert np.all(exact[known] >= 0.0) and exact[known].max() > 0.0
@@ -109,7 +109,8 @@ def test_far_sphere_receives_the_radiant_flux(light, rng):
     total = area * values.mean()
     assert np.allclose(light.rgb * total, flux, atol=SIGMAS * error * np.abs(light.rgb).max())
     exact = light.irradiance(points, -outward)
-    if exact is not None and light.kind != 'SPOT':  # whose ramp this quadrature does not resolve
+    known = exact is not None and not np.isnan(exact).all()
+    if known and light.kind != 'SPOT':  # whose ramp this quadrature does not resolve
         assert np.allclose(light.rgb * area * exact.mean(), flux, rtol=QUADRATURE)
 
 
