@@ -15,7 +15,7 @@ from typing import Any, Literal
 import bpy
 
 from ..bsdfs import BSDFS
-from ..scene import CLAY_ALBEDO, Closure, Material, Unsupported
+from ..scene import BLACK, CLAY_ALBEDO, RGB, Closure, Material, Unsupported
 from ..textures import Expression, constant, folded
 from . import nodes
 from .expressions import default, plain_properties
@@ -63,6 +63,7 @@ class Surface:
     """What reaches a material's output, before it is decided how it is to be shaded."""
 
     full: Material  # with all that it does; what cannot be evaluated is unsupported
+    glow: tuple[RGB, Expression | None] = (BLACK, None)  # its emission without what covers it
     reflects: bool = True  # whether any closure does something else than emit
     unknown_emission: str = ""  # what of it emits in a way that is not known
     transmits: bool = False  # whether light may pass it, in whatever way: what clay closes
@@ -76,7 +77,7 @@ class Surface:
 
     @property
     def clay(self) -> Material:
-        """Lambert 0.8 and opaque, with the emission kept; no bump, displacement and volume.
+        """Lambert 0.8 and opaque, with the emission kept; no coat, bump, displacement and volume.
 
         Only what purely emits does not reflect.
         """
@@ -84,8 +85,8 @@ class Surface:
         return Material(
             name=self.full.name,
             albedo=nodes.grey(0.0 if self.may_emit and not self.reflects else CLAY_ALBEDO),
-            emission=self.full.emission,
-            emission_texture=self.full.emission_texture,
+            emission=self.glow[0],
+            emission_texture=self.glow[1],
             emission_known=not unknown,
             unsupported=(Unsupported("material", self.full.name, unknown),) if unknown else (),
         )
@@ -160,6 +161,7 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     )
     return Surface(
         full=material,
+        glow=nodes.split(filter(None, (_emission(leaf, bare=True) for leaf in closures))),
         reflects=bool(others),
         unknown_emission="".join(unknown),
         transmits=passes or bool(volume) or glass,
@@ -216,8 +218,11 @@ def _input(leaf: Leaf, socket: Any, ask: Ask | None) -> Expression | None:
     return nodes.read(socket, leaf.groups, ask)
 
 
-def _emission(leaf: Leaf) -> Expression | None:
-    """Return the radiance that a closure emits, None when it may emit and is not known."""
+def _emission(leaf: Leaf, bare: bool = False) -> Expression | None:
+    """Return the radiance that a closure emits, None when it may emit and is not known.
+
+    What is `bare` has no coat and no sheen.
+    """
     kind = leaf.node.bl_idname
     if kind == "ShaderNodeEmission":
         return nodes.leaf_emission(leaf)
@@ -234,7 +239,8 @@ def _emission(leaf: Leaf) -> Expression | None:
     alpha = _clipped(known.get("Alpha"))
     if len(known) < len(inputs) or alpha is None:
         return None
-    if [nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")] == [0.0, 0.0]:
+    layers = {nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")}
+    if bare or layers == {0.0}:
         return rgb * alpha
     return rgb * Expression("EMITTED", inputs=known)
 

@@ -299,8 +299,7 @@ def test_materials_are_those_of_cycles(shading: Any) -> None:
     empty_scene()
     square("Floor", location=(0, 0, -1), scale=(50, 50, 1))
     lamp('SUN', (0.3, 0.2, 1), angle=0.0)
-    known = [n for n in FLAT if shading == "full" or n != "glow of a coat"]  # Cycles' has no coat
-    names = [name + side for name in known for side in ("", " (back)")]
+    names = [name + side for name in FLAT for side in ("", " (back)")]
     off = tiles_of(names, show, noise=TILE_NOISE, shading=shading)
     assert not {name: each for name, each in off.items() if each > TILE_OFF}
 
