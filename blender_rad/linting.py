@@ -92,26 +92,29 @@ class Lint:
     def __getitem__(self, setting: str) -> Any:
         return self.settings[setting]
 
-    def _picture(self, scene: Scene) -> Film | None:
+    def _picture(self, scene: Scene, samples: int, seconds: float | None = None) -> Film | None:
         if scene.camera is None:
             return None
         width, height = (max(1, side * SIDE // max(scene.resolution)) for side in scene.resolution)
         small = replace(scene, resolution=(width, height), border=None)
-        return render(small, Settings(SAMPLES, threads=self.threads, time_limit=SECONDS))
+        return render(small, Settings(samples, threads=self.threads, time_limit=seconds))
 
     @cached_property
     def film(self) -> Film | None:
         """The scene as it is; None without a camera."""
-        return self._picture(self.scene)
+        return self._picture(self.scene, SAMPLES, SECONDS)
 
     def without(self, **changed: Any) -> dict[str, float]:
         """Return what the scene as it is gives over the `changed` one [%], by light and in all.
 
-        Empty without a camera; all lights together are ``""``.
+        Empty without a camera or the time for a sample; all lights together are ``""``. Both
+        pictures are of the same samples: most noise goes where one is divided by the other.
         """
-        if self.film is None or (other := self._picture(replace(self.scene, **changed))) is None:
+        taken = 0 if self.film is None else int(self.film.samples.min())
+        other = self._picture(replace(self.scene, **changed), taken) if taken else None
+        if self.film is None or other is None:
             return {}
-        kept = ~(self.film.excluded | other.excluded)
+        kept = ~(self.film.excluded | other.excluded) & (self.film.samples == taken)
         own, others = (
             {name: float(layer[kept].sum()) for name, layer in film.lights.items()}
             for film in (self.film, other)
