@@ -232,6 +232,7 @@ def ours(light: Light, place: Any, normal: Any) -> tuple[np.ndarray, np.ndarray]
 
 def assert_same(stage: Stage, light: Light, receivers: Any, systematic: float) -> None:
     lit = 0.0
+    stage.samples = 256 if light.is_delta else 1024  # sums of more in single precision lose digits
     for place, normal in receivers:
         expected, our_error = ours(light, place, normal)
         measured, its_error = stage.irradiance(place, normal)
