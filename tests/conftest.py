@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import signal
 from importlib.util import find_spec
 
 import numpy as np
@@ -12,6 +13,10 @@ from tests import features
 
 HAS_BLENDER = find_spec("bpy") is not None
 collect_ignore_glob = [] if HAS_BLENDER else ["blender/test_*.py"]
+
+
+# A shell's background jobs ignore interrupts, and so would the commands that tests interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_report_header() -> str:

@@ -56,7 +56,7 @@ def relative_error(film: rendering.Film, reference: rendering.Film) -> float:
 
 @pytest.fixture(scope="module")
 def reference() -> rendering.Film:
-    return shot(error=0.005, seed=99)
+    return shot(samples=2048, seed=99)
 
 
 @pytest.mark.parametrize("effort", [{"samples": 16}, {"error": 0.02}])
