@@ -107,7 +107,8 @@ def lit(**box: Any) -> Any:
 
 def held_and_glowing() -> None:
     """What is held out lights other surfaces as ever, but is not seen."""
-    lit(is_holdout=True).data.materials[0] = glow()
+    box = lit(is_holdout=True)
+    box.data.materials[0] = glow()
 
 
 def layer(flag: str) -> None:
