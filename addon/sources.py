@@ -28,6 +28,22 @@ class Source(NamedTuple):
 
 
 BULB, TUBE, DISC = (0.03,), (1.2, 0.026), (math.radians(0.533),)
+KELVIN = ((15, 3500), (25, 4400), (38, 4900), (53, 5200), (90, 5400))  # of suns up to a height
+
+
+def _sun(degrees: float) -> Source:
+    """Return the sun at a height over the horizon, without the sky."""
+    lux = round(127500 * math.exp(-0.21 / math.sin(math.radians(degrees))), -2)
+    kelvin = next(kelvin for height, kelvin in KELVIN if degrees <= height)
+    return Source('SUN', lux, 'lx', f"blackbody:{kelvin}", DISC, 20, SUN)
+
+
+def _height_at(hour: float, latitude: float) -> float:
+    """Return the sun's height [°] at an hour of true local time on a day of equinox."""
+    turn = math.radians(15.0 * (hour - 12.0))
+    return math.degrees(math.asin(math.cos(math.radians(latitude)) * math.cos(turn)))
+
+
 SOURCES = {
     "Candle": Source('POINT', 12.6, 'lm', "blackbody:1900", (0.008,), 30, "about 1 cd all round"),
     "Hefner lamp": Source(
@@ -76,13 +92,12 @@ SOURCES = {
         'AREA', 203, 'cd/m2', BLUE, (0.94, 0.53), 1, "ITU-R BT.2408"
     ),
     "Cinema screen": Source('AREA', 48, 'cd/m2', BLUE, (12.0, 5.0), 20, "usual projected white"),
+    **{f"Sun, {height}° high, clear sky": _sun(height) for height in (10, 20, 30, 45, 60)},
     **{
-        f"Sun, {height}° high, clear sky": Source(
-            'SUN', round(127500 * math.exp(-0.21 / math.sin(math.radians(height))), -2), 'lx',
-            f"blackbody:{kelvin}", DISC, 20, SUN,
-        )
-        for height, kelvin in ((10, 3500), (20, 4400), (30, 4900), (45, 5200), (60, 5400))
+        f"Sun at {hour} or {24 - hour} h, equinox, 50° north, clear sky": _sun(_height_at(hour, 50))
+        for hour in (8, 9, 10, 11)
     },
+    "Sun at noon, equinox, 50° north, clear sky": _sun(_height_at(12, 50)),
     "Full moon, high": Source(
         'SUN', 0.2, 'lx', "blackbody:4100", (math.radians(0.52),), 50, "0.1 to 0.3 lx by height"
     ),
