@@ -165,7 +165,6 @@ def _draw_answer(box: Any, context: Any, document: dict[str, Any]) -> None:
             say(box, context, said, 'INFO')
 
 
-
 def disabled() -> None:
     if check := _last():
         check.cancel()

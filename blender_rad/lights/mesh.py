@@ -81,6 +81,11 @@ class MeshLight(Light):
         return normals
 
     @cached_property
+    def _offsets(self) -> Array:
+        """N·a (m,) of the triangles' planes."""
+        return np.sum(self._normals * self.triangles[:, 0], axis=1)
+
+    @cached_property
     def _areas(self) -> Array:
         """Areas (m,) [bu²]."""
         return 0.5 * np.sqrt(geometry.dot(self._normals, self._normals))
@@ -147,8 +152,7 @@ class MeshLight(Light):
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         if self.texture is not None or len(self.triangles) > CLOSED_FORM_TRIANGLES:
             return None
-        offsets = np.sum(self.triangles[:, 0] * self._normals, axis=1)
-        side = points @ self._normals.T - offsets
+        side = points @ self._normals.T - self._offsets
         off = np.abs(side) > ON_IT * np.sum(self._normals**2, axis=1) ** 0.75
         before, behind = np.any(off & (side > 0.0), axis=1), np.any(off & (side < 0.0), axis=1)
         alike = np.flatnonzero(~(before & behind))
@@ -210,7 +214,7 @@ class MeshLight(Light):
         turn = np.cross(a - origins[:, None], directions[:, None])
         s = np.einsum("nmi,mi->nm", turn, f) / slope
         q = -np.einsum("nmi,mi->nm", turn, e) / slope
-        t = (np.sum(self._normals * a, axis=1) - origins @ self._normals.T) / slope
+        t = (self._offsets - origins @ self._normals.T) / slope
         hit = (s >= 0.0) & (q >= 0.0) & (s + q <= 1.0) & (t > 0.0) & ~parallel
         t = np.where(hit, t, np.inf)
         first = np.argmin(t, axis=1)
