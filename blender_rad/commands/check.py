@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..bpy_io.witness import CyclesWitness
-    from ..checking import Check, Result
+    from ..checking import Result
     from ..scene import Scene
 
 TAKEN_BACK_SEEDS = 3
@@ -95,6 +95,8 @@ class CheckOptions(PictureCommand, verb="check"):
 
     def _one(self, frame: int | None, folder: Path | None) -> dict[str, Any]:
         """Compare one frame, write its report, and return its document."""
+        import numpy as np
+
         from ..checking import Check, Terms
         from ..linting import found_by
         from ..report.document import build_document
@@ -102,6 +104,7 @@ class CheckOptions(PictureCommand, verb="check"):
         started = time.perf_counter()
         bl_scene, scene = self.read(frame)
         pictures = self._pictures(scene)
+        witness = None if pictures else self._witness(bl_scene, scene)
         if folder:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -109,14 +112,20 @@ class CheckOptions(PictureCommand, verb="check"):
                 said = f"expected a folder that can be made ({error.strerror})"
                 raise RadError("cannot write there", str(folder), said) from None
         read = time.perf_counter() - started
-        asked = self.tolerance, self.confidence, self.samples, self.threads, self.exposure
+        kept = witness.kept.get("cycles.film_exposure") if witness else None
+        exposure = kept[0] if kept else self.exposure
+        asked = self.tolerance, self.confidence, self.samples, self.threads, exposure
         terms = Terms(*asked, time_limit=self.time_limit and max(self.time_limit - read, 0.0))
         check = Check(scene, terms)
-        witness, result = self._compare(check, bl_scene, scene, pictures)
+        if witness:
+            own = witness.bl_scene.cycles.samples if self.witness_settings == "file" else None
+            result = check.against(witness, self.samples or own)
+        else:
+            result = check.against_pictures(np.stack(pictures))
         document = build_document(
             scene,
             result,
-            check.terms,
+            terms,
             efficacy_lm_W=self.efficacy,
             witness_name="pictures" if self.render else "Cycles",
             overridden=witness.overridden if witness else {},
@@ -142,16 +151,9 @@ class CheckOptions(PictureCommand, verb="check"):
                 raise RadError(what, str(path), f"expected {expected}, the resolution compared")
         return pictures
 
-    def _compare(
-        self, check: Check, bl_scene: Any, scene: Scene, pictures: list[NDArray[np.float32]]
-    ) -> tuple[CyclesWitness | None, Result]:
-        """Return the witness, None where its pictures existed, and the comparison with it."""
-        import numpy as np
-
+    def _witness(self, bl_scene: Any, scene: Scene) -> CyclesWitness:
         from ..bpy_io.witness import CyclesWitness
 
-        if pictures:
-            return None, check.against_pictures(np.stack(pictures))
         if self.witness_scene is not None:
             bl_scene = self.open(self.witness_scene, scene.frame, need_camera=True)
         witness = CyclesWitness(
@@ -162,10 +164,7 @@ class CheckOptions(PictureCommand, verb="check"):
             threads=self.threads,
         )
         witness.prepare()
-        if exposure := witness.kept.get("cycles.film_exposure"):
-            check.terms = replace(check.terms, film_exposure=exposure[0])
-        own = bl_scene.cycles.samples if self.witness_settings == "file" else None
-        return witness, check.against(witness, self.samples or own)
+        return witness
 
     def _kept_settings(self, witness: CyclesWitness, result: Result) -> Iterator[Finding]:
         """Yield the file's own settings that are not the unbiased; what they do, where it differs.

@@ -436,9 +436,8 @@ def test_bad_witnesses(
     (tmp_path / "folder.exr").mkdir()
     before = tree(tmp_path)
     options = [tmp_path / word if "." in word else word for word in words.split()]
-    if "--render" in options:
-        options += ["--report", tmp_path / "report"]
-    refused(inside("check", files["two"], *options), *BAD[words])
+    run = inside("check", files["two"], *options, "--report", tmp_path / "report")
+    refused(run, *BAD[words])
     assert tree(tmp_path) == before and not (tmp_path / "report").exists()
 
 
