@@ -37,7 +37,7 @@ class Batch:
         """Return `values` (k, ...) of hits as (samples, ...), 0 elsewhere."""
         if len(self.hits) == self.count:
             return values
-        whole = np.zeros((self.count, *values.shape[1:]), order="F")
+        whole: Floats = np.zeros((self.count, *values.shape[1:]), order="F")
         for column, own in zip(whole.T, values.T, strict=True):
             column[self.hits] = own
         return whole
@@ -46,7 +46,7 @@ class Batch:
         """Return what the camera sees of `values` (samples, 3)."""
         return values if self.weight is None else values * self.weight
 
-    def by_pixel(self, values: Floats) -> Floats:
+    def by_pixel(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return `values` (samples, ...) as (pixels, each, ...)."""
         return values.reshape(len(self.rows), self.each, *values.shape[1:])
 
@@ -74,7 +74,7 @@ class Pixels:
 
         self.streams = zeros(streams)
         self.taken = np.zeros(count, dtype=np.int64)
-        self.lights = zeros(2, layers, kind=np.float32)  # by half of the streams
+        self.lights: NDArray[np.float32] = zeros(2, layers, kind=np.float32)  # by half of the streams
         self.shown = zeros(layers, kind=np.float32)  # of `seen`
         self.seen, self.irradiance, self.normal = zeros(), zeros(), zeros()
         self.alpha = np.zeros(count)

@@ -47,8 +47,8 @@ def _tables(nodes: int, term: Term, normals: tuple[int, int] = (987, 610)) -> Ta
     mu = np.concatenate([grid, 0.5 * (1.0 + MEANS)])[:, None]
     wo = np.stack([np.sqrt(1.0 - mu**2), np.zeros_like(mu), mu], axis=-1)
     table = np.empty((nodes, len(mu)))
-    for row, alpha in enumerate(grid**2):
-        m = visible_normals(u, wo, alpha, alpha)
+    for row, alpha in enumerate(np.square(grid)):
+        m = visible_normals(u, wo, np.asarray(alpha), np.asarray(alpha))
         table[row] = term(alpha, mu, np.sum(wo * m, axis=-1), m[..., 2]) @ share
     return table[:, :nodes], table[:, nodes:] @ (WEIGHTS * mu[nodes:, 0])
 

@@ -82,7 +82,7 @@ class SkyMap:
     @cached_property
     def scale(self) -> float:
         """Mean |L| of the texels over their solid angles [W/(m² sr)]."""
-        level = np.cos(self._elevation(np.arange(len(self.radiance)) + 0.5))
+        level = np.cos(self._elevation(np.arange(len(self.radiance), dtype=float) + 0.5))
         return float(np.average(np.abs(self.radiance).mean(axis=(1, 2)), weights=level))
 
     @cached_property
