@@ -32,6 +32,7 @@ Pictures = NDArray[np.float32]
 FIRST_SEEDS = 16  # with 8, one error bar in 50 is missed by three of its lengths
 FIRST_SAMPLES = 32  # a pixel and seed of the witness
 MAX_SEEDS = 128
+MOST_VALUES = 1 << 27  # of the witness's pictures together, where a time limit allows more
 OUR_FIRST_SAMPLES = 32  # a pixel, the same for all: samples that follow the noise bias the mean
 OUR_FIRST_MOST, OUR_MAX_SAMPLES = 512, 2048
 OUR_FIRST_ERROR = 0.1  # relative, of pixels: factors then hardly feel what noise our layers have
@@ -58,7 +59,8 @@ class Terms:
     ----------
     samples : a pixel on our side, and a pixel and seed on the witness's; None buys until decided.
     film_exposure : of the pictures, where it is not 1.
-    time_limit : [s] after which no more is rendered, but for a picture in work; None for no limit.
+    time_limit : [s] after which no more is rendered, but for a picture in work. It takes the place
+        of our own limits on samples; None keeps to these.
     """
 
     tolerance: float = 0.01
@@ -153,7 +155,7 @@ class Check:
         self.film = self._clock("ours", self._render_ours)
 
     def _render_ours(self, other: Scene | None = None) -> Film:
-        left = (self._deadline - time.perf_counter()) * OUR_TIME
+        left = self._left * OUR_TIME
         settings = replace(self._settings, time_limit=left if math.isfinite(left) else None)
         with bar("ours") as progress:
             scene, light = (other, None) if other else (self.scene, self._light)
@@ -173,7 +175,7 @@ class Check:
         round_index, fixed = 0, self.terms.samples is not None
         while True:
             last = round_index == MAX_ROUNDS - 1
-            budget = math.inf if fixed else 1.0 if last else MAX_SEEDS / len(pictures)
+            budget = math.inf if fixed else 1.0 if last else self._budget(len(pictures))
             judged = partial(judge, self.film, pictures, round_index=round_index, budget=budget)
             comparison = self._decide(judged)
             if len(pictures) < FIRST_SEEDS:
@@ -181,7 +183,8 @@ class Check:
                 break
             if comparison.needed_factor is None:
                 break
-            ours, seeds = self._wanted(comparison, len(pictures), each)
+            most = max(MAX_SEEDS, MOST_VALUES // pictures[0].size if self._is_timed else 0)
+            ours, seeds = self._wanted(comparison, len(pictures), each, most)
             if last or fixed or (ours == self._our_samples and seeds == len(pictures)):
                 comparison = self._too_noisy(comparison)
                 break
@@ -197,27 +200,51 @@ class Check:
     def _our_samples(self) -> int:
         return self._settings.samples or OUR_FIRST_SAMPLES
 
-    def _wanted(self, comparison: Comparison, seeds: int, each: int) -> tuple[int, int]:
+    @property
+    def _is_timed(self) -> bool:
+        return math.isfinite(self._deadline)
+
+    @property
+    def _left(self) -> float:
+        return self._deadline - time.perf_counter()
+
+    def _budget(self, seeds: int) -> float:
+        """Return how many times the samples there could be."""
+        if not self._is_timed:
+            return MAX_SEEDS / seeds
+        spent = self._clock.seconds["ours"] + self._clock.seconds["cycles"]
+        return 1.0 + max(self._left, 0.0) / spent
+
+    def _wanted(self, comparison: Comparison, seeds: int, each: int, most: int) -> tuple[int, int]:
         """Return our samples and the witness's seeds for the next round; no more if in vain.
 
         With s our share of the variance and r our samples over the witness's, variance falls to 1/f
         for the fewest samples when ours grow by f (s + √(s(1−s)/r)), its by f (1−s + √(s(1−s)r)).
         """
-        have = self._our_samples
+        have, spent = self._our_samples, self._clock.seconds
         share = min(max(comparison.our_noise_share, 0.0), 1.0)
-        at_best = share * have / OUR_MAX_SAMPLES + (1.0 - share) * seeds / MAX_SEEDS
-        if comparison.least_factor * at_best > 1.0:
-            return have, seeds
         both, ratio = math.sqrt(share * (1.0 - share)), math.sqrt(have / (seeds * each))
-        factor = min(comparison.needed_factor or 1.0, MAX_GROWTH)
-        ours = math.ceil(have * factor * (share + both / ratio))
-        theirs = math.ceil(seeds * factor * (1.0 - share + both * ratio))
-        ours = max(have, min(ours, OUR_MAX_SAMPLES))
-        theirs = max(seeds, min(theirs, MAX_SEEDS))
-        spent = self._clock.seconds
-        cost = spent["ours"] * ours / have + spent["cycles"] * (theirs / seeds - 1.0)
-        in_vain = time.perf_counter() + cost > self._deadline
-        return (have, seeds) if in_vain else (ours, theirs)
+        growth = np.array([share + both / ratio, 1.0 - share + both * ratio])
+        ours_most = math.inf if self._is_timed else OUR_MAX_SAMPLES
+
+        def grown(factor: float) -> tuple[int, int, float]:
+            ours, theirs = factor * growth * (have, seeds)
+            ours = max(have, math.ceil(min(ours, ours_most)))
+            theirs = max(seeds, math.ceil(min(theirs, most)))
+            return (
+                ours,
+                theirs,
+                spent["ours"] * ours / have + spent["cycles"] * (theirs / seeds - 1),
+            )
+
+        factor, least = min(comparison.needed_factor or 1.0, MAX_GROWTH), comparison.least_factor
+        at_best = share * have / ours_most + (1.0 - share) * seeds / most
+        if least * at_best > 1.0 or grown(least)[2] > self._left:
+            return have, seeds
+        ours, theirs, cost = grown(factor)
+        if cost > self._left:
+            ours, theirs, _ = grown(max(factor * self._left / cost, least))
+        return ours, theirs
 
     def _out_of_time(self, comparison: Comparison, seeds: int) -> Comparison:
         """Return the comparison without a verdict: too few seeds tell too little of their noise."""
@@ -272,7 +299,7 @@ class Check:
             pictures: list[Pictures] = []
             with bar("witness") as progress:
                 for number, seed in enumerate(seeds):
-                    if number > 1 and time.perf_counter() > self._deadline:
+                    if number > 1 and self._left < 0.0:
                         break
 
                     def part(share: float, done: int = number) -> None:

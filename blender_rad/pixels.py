@@ -74,7 +74,8 @@ class Pixels:
 
         self.streams = zeros(streams)
         self.taken = np.zeros(count, dtype=np.int64)
-        self.lights: NDArray[np.float32] = zeros(2, layers, kind=np.float32)  # by half of the streams
+        # By half of the streams:
+        self.lights: NDArray[np.float32] = zeros(2, layers, kind=np.float32)
         self.shown = zeros(layers, kind=np.float32)  # of `seen`
         self.seen, self.irradiance, self.normal = zeros(), zeros(), zeros()
         self.alpha = np.zeros(count)

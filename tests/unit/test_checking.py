@@ -16,7 +16,7 @@ from blender_rad.rendering import Settings, render
 from blender_rad.scene import Instance, Scene
 from tests.handmade import ball, moved, scene, square
 
-QUIET, LOUD, HOPELESS = 0.5, 2.5, 100.0
+QUIET, LOUD, LOUDER, HOPELESS = 0.5, 2.5, 10.0, 100.0
 KEY = PointLight(name="Key", rgb=np.array([300.0, 250.0, 200.0]), position=np.array([2.0, -3, 4]))
 FILL = PointLight(name="Fill", rgb=np.array([90.0, 120.0, 200.0]), position=np.array([-2.0, 1, 3]))
 
@@ -91,6 +91,15 @@ def test_fixed_samples_are_kept(pictures):
     assert (result.film.samples == 24).all()
     assert len(witness.seeds) == FIRST_SEEDS
     assert "noise-too-high" in {f.code for f in result.comparison.findings}
+
+
+def test_a_time_limit_takes_the_place_of_the_limits_of_samples(pictures):
+    """What is `undecided` without one is decided where there is time for more."""
+    kept, timed = Noisy(pictures[1.0], LOUDER), Noisy(pictures[1.0], LOUDER)
+    assert Check(balls(), Terms()).against(kept).comparison.verdict == "undecided"
+    result = Check(balls(), Terms(time_limit=600.0)).against(timed)
+    assert result.comparison.verdict == "agree"
+    assert len(kept.seeds) <= MAX_SEEDS < len(timed.seeds)
 
 
 def test_what_no_time_is_left_for_is_said(pictures):
