@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,7 +13,7 @@ from ..atomic import write_text
 from ..errors import Finding, RadError
 from ..strict_json import dumps, plain
 from . import _values as values
-from ._base import Outcome, aligned, option
+from ._base import Outcome, aligned, flag_of, option
 from ._scene import PictureCommand
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 TAKEN_BACK_SEEDS = 3
+ASKED = "scene view_layer witness_scene render exposure witness_settings samples time_limit"
 CODES = {"agree": 0, "undecided": 3, "differ": 1}  # exit codes, from the best to the worst
 
 
@@ -129,6 +130,7 @@ class CheckOptions(PictureCommand, verb="check"):
             efficacy_lm_W=self.efficacy,
             witness_name="pictures" if self.render else "Cycles",
             overridden=witness.overridden if witness else {},
+            asked=self._asked(),
             seconds={"read": read},
         )
         if witness:
@@ -137,6 +139,12 @@ class CheckOptions(PictureCommand, verb="check"):
         if folder:
             self._write(folder, document, scene, result)
         return document
+
+    def _asked(self) -> dict[str, list[str]]:
+        """Return the options that were given and that nothing else in the document tells."""
+        given = [e for e in fields(self) if e.name in ASKED.split() and self._has(e)]
+        found = {flag_of(entry): getattr(self, entry.name) for entry in given}
+        return {k: [str(v) for v in (x if type(x) is tuple else [x])] for k, x in found.items()}
 
     def _pictures(self, scene: Scene) -> list[NDArray[np.float32]]:
         """Return the pictures to judge, each (h, w, 3)."""

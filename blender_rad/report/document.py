@@ -24,12 +24,14 @@ def build_document(
     efficacy_lm_W: float,
     witness_name: str,
     overridden: Mapping[str, tuple[Any, Any]],
+    asked: Mapping[str, list[str]],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
     """Return the document of one comparison.
 
     `overridden` are the witness's settings that were not the file's, name to (file's, used);
-    `seconds` are by step, beyond those in `result`.
+    `asked` are other options of the command line with their values; `seconds` are by step, beyond
+    those in `result`.
     """
     film, judged = result.film, result.comparison.to_json()
     findings = [*film.findings, *judged.pop("findings")]
@@ -59,6 +61,7 @@ def build_document(
             "overridden": {
                 name: {"file": before, "used": used} for name, (before, used) in overridden.items()
             },
+            "asked": dict(asked),
         },
         **{key: judged[key] for key in ("pixels", "metrics", "lights")},
         "coverage": coverage(film),

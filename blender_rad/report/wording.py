@@ -94,8 +94,11 @@ def verdict(
         text = "{} agrees with the physics of this scene within {}, at {} confidence."
         return Markup(text).format(witness, tolerance, percent(settings["confidence"])), Markup("")
     if document["verdict"] == "differ":
-        cause = next((row["cause"] for row in rows if row["cause"]), None)
-        behind = Markup("Cause: {}").format(visible(cause)) if cause else Markup("")
+        behind = Markup("")
+        for row in [row for row in rows if row["cause"]][:1]:
+            cause = visible(row["cause"])
+            known = f"Cause: {cause}" if row["diagnosis"] != "scale" else cause
+            behind = Markup("{}.").format(known[:1].upper() + known[1:])
         return Markup("{} differs: {}.").format(witness, _what_differs(rows, tiles_off)), behind
     if not document["pixels"]["compared"]:
         return Markup("Undecided: there is nothing to compare."), Markup("")
@@ -105,8 +108,17 @@ def verdict(
         if settings["shading"] == "full":
             behind += " <code>--shading clay</code> checks the lights alone."
         return Markup(text).format(percent(coverage)), Markup(behind)
+    late = [x["message"] for x in document["findings"] if x["code"] == "out-of-time"]
+    if late:
+        behind = Markup("A longer <code>--time-limit</code> would decide it.")
+        if any(row["verdict"] == "differ" for row in rows):
+            behind += Markup(" So far {}.").format(_what_differs(rows, tiles_off))
+        return Markup("Undecided: {}.").format(late[0]), behind
     text = "Undecided: the noise is still too high to tell within {}."
-    behind = "More samples or a wider <code>--tolerance</code> would decide it."
+    behind = (
+        "More samples (<code>--samples</code>, or a longer <code>--time-limit</code>) or a wider "
+        "<code>--tolerance</code> would decide it."
+    )
     return Markup(text).format(tolerance), Markup(behind)
 
 

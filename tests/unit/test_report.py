@@ -32,6 +32,7 @@ DOCUMENT = {
     "versions": {"blender_rad": "0.1.0", "blender": "4.5", "numpy": "1.26", "embree": "4.3"},
     "settings": {"tolerance": 0.01, "confidence": 0.99, "model": "cycles", "shading": "full",
                  "efficacy_lm_W": 683.002, "samples": 16, "cycles_samples": 512,
+                 "asked": {"--witness-scene": ["b c.blend"]},
                  "overridden": {"cycles.max_bounces": {"file": 12, "used": 0}}},
     "pixels": {"compared": 99, "agree": 90, "differ": 1, "undecided": 8, "excluded": 15},
     "metrics": {"energy_ratio": 0.99987, "mean_signed_relative_error": -0.00013,
@@ -94,6 +95,13 @@ def undecided() -> ReportData:
     return made("undecided", pair, noise=0.6)
 
 
+def late() -> ReportData:
+    key = light("Key", 1.1, 0.001, "differ", diagnosis="scale")
+    why = finding("scale", "error", "Key", "no known cause; 1.1 ± 0.001 times ours")
+    message = "the time limit came after 9 of the first 16 pictures"
+    return made("undecided", [key], why, finding("out-of-time", "warning", "", message))
+
+
 def half_excluded() -> ReportData:
     arrays = {name: np.zeros((48, 64), bool) for name in ("excluded", "inside")}
     arrays["excluded"][:, 23:], arrays["inside"][8:] = True, True
@@ -136,7 +144,7 @@ def rivals() -> ReportData:
     return data
 
 
-MAKERS = (agree, differ, undecided, half_excluded, hostile, empty, rivals)
+MAKERS = (agree, differ, undecided, late, half_excluded, hostile, empty, rivals)
 SITUATIONS = {make.__name__: make for make in MAKERS}
 
 
@@ -226,7 +234,9 @@ def test_deviation_in_words(scale, words):
         ("differ", "Cycles differs: light “Fill” is 21.50 % ± 0.21 % too dark."),
         ("differ", "Cause: area light powers"),
         ("undecided", "Undecided: the noise is still too high to tell within 1 %."),
-        ("undecided", "More samples or a wider --tolerance"),
+        ("undecided", "or a wider --tolerance"),
+        ("late", "Undecided: the time limit came after 9 of the first 16 pictures."),
+        ("late", "So far light “Key” is 10.00 % ± 0.10 % too bright."),
         ("half_excluded", "Undecided: only 36 % of the lit picture could be compared."),
         ("half_excluded", "--shading clay checks the lights alone"),
         ("hostile", "14 of 40 lights are off"),
@@ -237,6 +247,8 @@ def test_deviation_in_words(scale, words):
         ("rivals", "RadianceAgrees"),
         ("rivals", "blender-rad check 'a b.blend' --report report"),
         ("rivals", "--camera 'Cam Front' --resolution 320x240"),
+        ("rivals", "--witness-scene 'b c.blend'"),
+        ("rivals", "Witness scene b c.blend"),
     ],
 )
 def test_words_of_a_situation(situation, said):
