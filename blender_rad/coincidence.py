@@ -24,7 +24,7 @@ from .rays import Caster, Hits
 from .scene import Camera, Mesh, Scene, Unsupported
 from .surfaces import RAY_OFFSET, Geometry, Surface, cross, dot, normalized
 
-FEATURE = "faces coincide with those of "
+FEATURE = "faces lie exactly on faces of "
 # Of the coordinates, by which triangles are moved: far more than float32 rounds.
 SCATTER = 2 * RAY_OFFSET
 REACH = 64  # of a point's epsilon, from where it is looked at
@@ -66,7 +66,10 @@ def left_out(film: Film, masks: Mapping[Unsupported, Bools]) -> Film:
     for cause, mask in masks.items():
         wider = (neighbourhood_mean(mask.astype(float), film.inside) > 0.0) & film.inside
         if count := int(wider.sum()):
-            said = f"{cause.feature} in {count} pixels: what light Cycles gives them is chance"
+            said = (
+                f"{cause.feature} in {count} pixels, which are left out: rounding alone decides "
+                "whether Cycles lights them; delete one of the two, or move them apart"
+            )
             finding = Finding("coincident-faces", "warning", cause.name, said)
             film = replace(
                 film,

@@ -123,9 +123,9 @@ class Subject:
         if most >= 1.0 + ENERGY:
             seen, point, angle = self._greatest(found, "furnace", STEEP)
             outshone = seen >= 1.0 + OWN
-            said = f"{most:.4g} of the light leaves that comes {where}"
+            said = f"{most:.4g} of the light that arrives {where} leaves"
             if outshone:
-                said += f", and {seen:.4g} of white surroundings is seen "
+                said += f", and {seen:.4g} of a white furnace is seen "
                 said += self._where(point, angle)
             ours = outshone or not reasons
             why = colours or flaw or ("nothing shares it out" if ours else reasons)
@@ -133,7 +133,8 @@ class Subject:
             yield Finding("gains-energy", severity, name, f"{said}: {why}", 100.0 * (most - 1.0))
         worst = found.asymmetry.max(axis=2)
         if worst.max() >= ASYMMETRY:
-            said = f"to and fro differ by {100.0 * worst.max():.3g} % {self._where(*_place(worst))}"
+            where = self._where(*_place(worst))
+            said = f"f(i, r) and f(r, i) are {100.0 * worst.max():.3g} % apart {where}"
             said += f": {flaw or reasons}" if flaw or reasons else ""
             yield Finding("not-reciprocal", "info" if reasons else "error", name, said)
 

@@ -60,7 +60,7 @@ PLAIN: tuple[tuple[str, str, object, Effect, Severity | None, str], ...] = (
     ("denoising", "cycles.use_denoising", False, None, None,
      "the denoiser guesses pixels from their neighbours: switch it off, take more samples"),
     ("adaptive-sampling", "cycles.use_adaptive_sampling", False, None, None,
-     "the noise threshold ends pixels before they met what is bright, too dark: switch it off"),
+     "the noise threshold ends pixels before they meet what is bright, too dark: switch it off"),
     ("pixel-filter", "cycles.pixel_filter_type", "BOX", 0.0, None,
      "filter {} spreads samples over pixels: means stay, edges do not: take Box"),
     ("light-threshold", "cycles.light_sampling_threshold", 0.0, 0.0, None,

@@ -149,7 +149,7 @@ def convert(
         options = options.replace("--spectrum", "--spectrum (for lumens, --efficacy will do)")
         angular = ("emitter", "cone", "angle")
         words = " and ".join(name + " (solid angle)" * (name in angular) for name in missing)
-        raise RadError(f"{unit} to {to} needs: {words}", options, "expected with it, see --help")
+        raise RadError(f"{unit} to {to} needs: {words}", options, "expected as well, see --help")
     if not math.isfinite(result):
         what = f"{value:g} {unit} is no finite number of {to}"
         raise RadError(what, "VALUE", "expected another value, shape or spectrum")

@@ -47,7 +47,7 @@ class MaterialsOptions(SceneCommand, verb="materials"):
 
 
 def _text(judged: list[Judged]) -> str:
-    rows = [["material", "f ≥ 0", "f(i,r) = f(r,i)", "∫ f cosθ dω ≤ 1", "greatest", "at"]]
+    rows = [["material", "f ≥ 0", "f(i,r) = f(r,i)", "∫ f cosθ dω ≤ 1", "greatest albedo", "at"]]
     for each in judged:
         laws = (each.positive, each.reciprocal, each.energy_conserving)
         kept = ["–" if law is None else "yes" if law else "NO" for law in laws]

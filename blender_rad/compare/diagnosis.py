@@ -58,6 +58,9 @@ CAUSES = (
 )
 
 
+SHAPES = {"soft-falloff": "as if Soft Falloff were on in one and off in the other"}
+
+
 def _near(value: float, predicted: float, error: float, sigmas: float = SIGMAS) -> bool:
     return abs(value - predicted) <= sigmas * error + SLACK * predicted
 
@@ -181,7 +184,7 @@ def _shapes(case: Case, columns: Floats, g: int) -> list[Named]:
     for j in problem.groups[g]:
         for code, layer in case.alternatives.get(names[j], {}).items():
             effect = 100.0 * float(layer.sum() / layers[j].sum() - 1.0)
-            message = f"looks as {code} predicts, {effect:+.2f} % of its light"
+            message = f"{SHAPES.get(code, code)}: {effect:+.2f} % of its light"
             shapes.append(Named(code, message, effect, columns[g] + layer - layers[j]))
     lit = problem.channel_energy()[g] >= MIN_ENERGY
     if lit.sum() > 1:

@@ -11,12 +11,13 @@ parameter           unit                    meaning
 Derivation. E = L ∫ cos θ dω over the hemisphere = πL, whatever the normal; sampled with the
 density cos θ/π every sample has the same weight. The radiance is the same in both models.
 
-Portals, area lights marked as such, guide the samples of a room to its windows: ¾ of them go
-evenly through the portals' solid angles Ωᵢ, so that the density is ¼ cos θ/π + ¾/k Σ [hit i]/Ωᵢ.
-They emit nothing and take nothing away: light that comes in elsewhere still counts. `SkyMap.share`
-of the samples that are left follow a sky that has no uniform radiance:
+Portals, area lights marked as such, guide the samples of a room to its windows: with m portals, ¾
+of the samples are split evenly among them, uniform in the solid angle Ωᵢ [sr] of each, so that the
+density is ¼ cos θ/π + ¾/m Σ [hit i]/Ωᵢ. Portals emit nothing and hide nothing: light that comes in
+elsewhere still counts. Of the other samples, the part `SkyMap.share` follows a sky whose radiance
+varies. The density counts all ways to a direction, whichever one the sample took:
 
-    p = Σ share_k p_k  over hemisphere, sky and portals, whichever the sample is from.
+    p(ω) = Σⱼ shareⱼ pⱼ(ω) [1/sr],  j over hemisphere, sky and portals.
 """
 
 from __future__ import annotations
@@ -36,12 +37,12 @@ SMALLEST_SOLID_ANGLE = 1e-8  # [sr] of a portal that is worth sampling
 
 @dataclass(frozen=True)
 class Portal:
-    """A rectangle that the sky is looked for through.
+    """A rectangle through which samples look for the sky.
 
     Attributes
     ----------
     center : (3,) [bu].
-    frame : (3, 3) unit vectors along its sides, and across.
+    frame : (3, 3) rows: unit vectors along its two sides, and its normal.
     half : (2,) half sides [bu].
     """
 
@@ -51,7 +52,7 @@ class Portal:
 
     @classmethod
     def from_record(cls, record: LightRecord) -> Portal | None:
-        """Return the portal that a light object is, None where it is something else or flat."""
+        """Return a light object's portal, None where it is no portal or has no area."""
         properties = record.properties
         matrix = np.asarray(record.world_from_light, dtype=np.float64)
         if record.bl_type != "AREA" or not properties.get("cycles.is_portal", False):
@@ -67,7 +68,7 @@ class Portal:
         return cls(matrix[:3, 3], np.vstack([frame.T, np.cross(*frame.T)]), half)
 
     def sample(self, points: Array, u: Array) -> tuple[Array, Array]:
-        """Return directions (n, 3) even over its solid angle, and this (n,) [sr], inf for none."""
+        """Return directions (n, 3) uniform in its solid angle, and that (n,) [sr], inf if tiny."""
         x, y, depth = ((self.center - points) @ self.frame.T).T
         bounds = (x - self.half[0], x + self.half[0], y - self.half[1], y + self.half[1])
         s, t, angle = geometry.sample_rectangle(bounds, np.abs(depth), u)
@@ -140,19 +141,23 @@ class WorldLight(Light):
         return radiance, pdf
 
     def _directions(self, points: Array, normals: Array, u: Array) -> tuple[Array, list[Array]]:
-        """Return directions among hemisphere, sky and portals, and the solid angles of these."""
+        """Return directions (n, 3) by all ways, and solid angles (n,) [sr] for each portal.
+
+        Where a portal's solid angle is too small, its samples go over the hemisphere.
+        """
         share, along_sky, each = self._shares
         if self.sky is not None and along_sky == 1.0:
             return self.sky.sample(u), []
         rest = share + along_sky
         way, second = u.T
-        wi, _ = geometry.sample_hemisphere(normals, np.stack([way / share % 1, second], axis=1))
+        turn = (way - rest) / each
+        chosen = np.floor(turn)
+        first = np.where(way < share, way / share, turn - chosen)
+        wi, _ = geometry.sample_hemisphere(normals, np.stack([first, second], axis=1))
         if self.sky is not None:
             mine = (way >= share) & (way < rest)
             again = np.stack([(way - share) / along_sky, second], axis=1)
             wi[mine] = self.sky.sample(again[mine])
-        turn = (way - rest) / each
-        chosen = np.floor(turn)
         again = np.stack([turn - chosen, second], axis=1)
         angles: list[Array] = []
         for number, portal in enumerate(self.portals):
@@ -179,7 +184,7 @@ class WorldLight(Light):
         return self.rgb if self.sky is None else self.rgb * self.sky.peak / self.sky.scale
 
     def facing_irradiance(self) -> Array:
-        """Return E (3,) [W/m²] on any surface, under a sky by direction on one that looks up."""
+        """Return E (3,) [W/m²] on any surface; on one that looks up if the radiance varies."""
         if self.sky is None:
             return self.rgb * np.pi
         return self.rgb * self.sky.irradiance(np.array([0.0, 0.0, 1.0])) / self.sky.scale

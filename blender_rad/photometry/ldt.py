@@ -48,7 +48,7 @@ def parse_ldt(reader: Reader, lamp_set: int = 1) -> Distribution:
     lamp = sets[lamp_set - 1]
     if n_sets > 1:
         listed = "; ".join(f"{i}: {s.lamps}, {s.flux:g} lm" for i, s in enumerate(sets, 1))
-        reader.note("lamp-sets", "info", f"set {lamp_set} is used of {listed}")
+        reader.note("lamp-sets", "info", f"lamp set {lamp_set} is used of {listed}")
     longitude, gamma, table, label = _table(reader, symmetry, n_planes, n_gamma, n_sets)
     ratio = _lenient(reader, 23) / 100
     if lamp.absolute and abs(ratio - 1) > 1e-3:

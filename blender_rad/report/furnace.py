@@ -24,16 +24,16 @@ TOP = 2.0  # of the albedos shown
 TOO_BRIGHT = (200, 0, 160)
 EXCESS = 1.005  # of the furnace, from which on it is shown as too bright
 CAPTION = (
-    "solid: share of a beam that leaves, by its angle · dotted: seen of white surroundings\n"
-    "balls: in these, where one that keeps all light is not seen; magenta above 1"
+    "solid: share of a beam that is reflected, by its angle · dotted: seen in a white furnace\n"
+    "balls: in a white furnace, where one that keeps all light vanishes; magenta above 1"
 )
 
 
 def write_furnaces(judged: Sequence[Judged], path: str | os.PathLike[str]) -> None:
     """Write a PNG with a panel for each material that could be judged.
 
-    Curves are the share that leaves of a beam, by its angle and channel, mean over the surface;
-    dotted where seen of white surroundings. In the balls what is above 1 is magenta.
+    Curves are the share of a beam that is reflected, by its angle and channel, mean over the
+    surface; dotted ones are what is seen in a white furnace. In the balls magenta is above 1.
     """
     from matplotlib.figure import Figure
 

@@ -13,6 +13,7 @@ from ..compare.result import MIN_SUPPORTED
 
 UNKNOWN = "–"
 HEADLINE_NAME = 48  # characters of a name in the headline
+NEARLY_ALL = 0.98  # of the lit picture: what is compared is named below this
 MISSING, DOUBLE = 0.02, 1.5  # factors from which percent no longer say it best
 VERDICTS = {  # what matters first
     "differ": "Differs",
@@ -92,7 +93,9 @@ def verdict(
     tolerance = percent(settings["tolerance"])
     if document["verdict"] == "agree":
         text = "{} agrees with the physics of this scene within {}, at {} confidence."
-        return Markup(text).format(witness, tolerance, percent(settings["confidence"])), Markup("")
+        behind = "This holds for {} of the lit picture: see “What was left out”."
+        behind = Markup(behind if coverage < NEARLY_ALL else "").format(percent(coverage))
+        return Markup(text).format(witness, tolerance, percent(settings["confidence"])), behind
     if document["verdict"] == "differ":
         behind = Markup("")
         for row in [row for row in rows if row["cause"]][:1]:
@@ -110,7 +113,7 @@ def verdict(
         return Markup(text).format(percent(coverage)), Markup(behind)
     late = [x["message"] for x in document["findings"] if x["code"] == "out-of-time"]
     if late:
-        behind = Markup("A longer <code>--time-limit</code> would decide it.")
+        behind = Markup("Give it a longer <code>--time-limit</code>.")
         if any(row["verdict"] == "differ" for row in rows):
             behind += Markup(" So far {}.").format(_what_differs(rows, tiles_off))
         return Markup("Undecided: {}.").format(late[0]), behind

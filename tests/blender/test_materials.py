@@ -65,7 +65,7 @@ def test_each_material_is_judged_by_the_laws(tmp_path: Path) -> None:
     assert not rows["Toon"]["supported"] and rows["Toon"]["positive"] is None
     run = inside("materials", glow)
     assert run.code == 1
-    assert "error: Glow: 1.5 of the light leaves" in run.out
+    assert "error: Glow: 1.5 of the light that arrives" in run.out
 
 
 def test_cycles_itself_is_reciprocal_where_we_say_so() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from blender_rad.lights import SkyMap
 from blender_rad.lights._environment import WHOLE
-from blender_rad.lights.world import WorldLight
+from blender_rad.lights.world import Portal, WorldLight
 
 TURN = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
 CONTRAST = 1e5
@@ -81,3 +81,16 @@ def test_an_even_sky_is_left_to_the_hemisphere(rng: np.random.Generator) -> None
     values = sample.weight * np.maximum(sample.wi @ TURN[2], 0.0) * sample.tint[:, 1]
     assert values.mean() == pytest.approx(np.pi, rel=0.03)
     assert values.std() < 0.35 * values.mean()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_samples_that_a_portal_cannot_have_are_spread_over_the_hemisphere(order: int) -> None:
+    frame = np.eye(3)[[1, 2, 0]]  # the portals face along x, and the first is seen from its edge
+    places = np.array([[0.0, 2.0, 1.0], [3.0, 0.0, 1.0]])[::order]
+    portals = tuple(Portal(place, frame, np.array([0.4, 0.7])) for place in places)
+    light = WorldLight(name="World", rgb=np.ones(3), portals=portals)
+    u = (np.indices((256, 256)).reshape(2, -1).T + 0.5) / 256
+    sample = light.sample(np.zeros((len(u), 3)), np.tile([1.0, 0.0, 0.0], (len(u), 1)), u)
+    cosine = np.maximum(sample.wi[:, 0], 0.0)
+    assert np.mean(sample.weight * cosine) == pytest.approx(np.pi, rel=2e-3)
+    assert np.mean(sample.weight * cosine**2) == pytest.approx(2.0 * np.pi / 3.0, rel=5e-3)

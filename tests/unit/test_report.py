@@ -248,7 +248,7 @@ def test_deviation_in_words(scale, words):
         ("rivals", "blender-rad check 'a b.blend' --report report"),
         ("rivals", "--camera 'Cam Front' --resolution 320x240"),
         ("rivals", "--witness-scene 'b c.blend'"),
-        ("rivals", "Witness scene b c.blend"),
+        ("rivals", "--witness-scene b c.blend"),
     ],
 )
 def test_words_of_a_situation(situation, said):
