@@ -7,8 +7,9 @@ all emitters share. With the power heuristic each counts as much as its density 
 
     L̂_r = f L V |cosθ|/p · p²/(p² + q²)  +  f L V |cosθ|/q · q²/(p² + q²)
 
-Lights of a single direction, and what `Light.look` does not find all of, are left to the first.
-Each lobe sees only what reaches its kind of ray; q is of all lobes together.
+p and q are densities per solid angle [1/sr]. Lights of a single direction, and those that
+`Light.look` finds only in part, are left to the first sample alone. A lobe reflects only lights
+that are visible to its kind of ray (`Light.reaches`); q counts all lobes.
 """
 
 from __future__ import annotations
@@ -129,9 +130,10 @@ def _unit(vectors: Floats, fallback: Floats) -> Floats:
 class Bent(Lobe):
     """A lobe whose normal n is not the surface's N, as Cycles evaluates it.
 
-    Directions that one of them has above and the other below are dark. Diffuse lobes fade towards
-    the horizon of N, by the masking of GGX with α² = tan²(n, N)/8. Above n, a shading offset of the
-    shadow terminator takes cos kθ in place of cosθ.
+    A direction above the horizon of one and below that of the other is dark. Diffuse lobes fade
+    towards the horizon of N, by the masking of GGX with α² = tan²γ/8, γ the angle between n and N.
+    On the side of n, a shading offset of the shadow terminator takes cos kθ in place of cosθ, θ the
+    angle from n.
 
     Attributes
     ----------
@@ -204,16 +206,16 @@ class Scattering:
             self._wi[rows[drawn]] = wi[drawn]
 
     def _evaluated(self, wi: Floats, reaches: Sequence[str]) -> tuple[Floats, Floats]:
-        """Return f |cosθ| (n, 3) of what an emitter reaches, and the density (n,) of all."""
+        """Return f |cosθ| (n, 3) of lobes of the kinds `reaches`, and the density (n,) of all."""
         value, density = np.zeros_like(self._wi), np.zeros(len(wi))
         for rows, mixture in self.parts:
             value[rows], density[rows] = mixture.evaluate(wi[rows], reaches)
         return value, density
 
     def lit(self, sample: LightSample, reaches: Sequence[str], *, found: bool) -> Floats:
-        """Return what a `sample` of a light adds (n, 3) over `Light.rgb` and V.
+        """Return the radiance (n, 3) that a `sample` of a light adds, over `Light.rgb` and V.
 
-        `found` says that samples of closures meet the light as well.
+        `found` says whether samples of closures find the light as well, and share its weight.
         """
         value, density = self._evaluated(sample.wi, reaches)
         weight = sample.weight
@@ -223,7 +225,7 @@ class Scattering:
         return value if sample.tint is None else value * sample.tint
 
     def found(self, light: Light) -> tuple[LightSample, Floats] | None:
-        """Return what the closures' samples meet of the light, and what this adds as in `lit`."""
+        """Return where closures' samples hit the light, and the radiance (n, 3) added, as `lit`."""
         return self.met(light.look(*self.gaze), light.reaches) if light.is_found else None
 
     @property
@@ -234,7 +236,7 @@ class Scattering:
 
     @property
     def gaze(self) -> tuple[Floats, Floats, Floats]:
-        """Where the samples start, the normals there, and whither they go, (n, 3) each."""
+        """Where the samples start, the normals there, and their directions, (n, 3) each."""
         return self._surface.point + self._lift, self._surface.normal, self._wi
 
     def met(

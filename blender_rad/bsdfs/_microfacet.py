@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rough faces: GGX and Beckmann, reflecting and refracting, isotropic or stretched.
 
-With m the facets' normal, D its distribution, G = 1/(1 + Λ(o) + Λ(i)) the height-correlated masking
-of Smith, F the facets' Fresnel factor and η the index of the far side by that of the viewer's:
+With o and i the unit directions to the viewer and to the light, m the facets' normal, D its
+distribution, G = 1/(1 + Λ(o) + Λ(i)) Smith's height-correlated masking and shadowing, F the facets'
+Fresnel reflectance at o·m, and η the far side's index of refraction over that of the viewer's side:
 
-    reflected     f |cosθ_i| = F D G / (4 cosθ_o),                          m = (o + i)/|o + i|
-    refracted     f |cosθ_i| = F D G η² |o·m i·m| / (cosθ_o |o + η i|²),    m ∥ o + η i
+    reflected     f |cosθ_i| = F D G / (4 cosθ_o),                              m = (o + i)/|o + i|
+    refracted     f |cosθ_i| = (1 − F) D G η² |o·m i·m| / (cosθ_o |o + η i|²),  m ∥ o + η i
 
 (Walter et al., Microfacet Models for Refraction, 2007; Heitz, Understanding the Masking-Shadowing
-Function, 2014). With t = tan²θ/α² in the direction at hand, GGX has D = 1/(π α_x α_y cos⁴θ
-(1 + t)²) and Λ = (√(1 + α² tan²θ) − 1)/2; Beckmann D = exp(−t)/(π α_x α_y cos⁴θ) and Walter's
-rational fit of Λ, which is Cycles' too.
+Function, 2014). θ and φ are polar angle and azimuth, of m in D and of o or i in Λ. With
+t = tan²θ (cos²φ/α_x² + sin²φ/α_y²) and α² = α_x² cos²φ + α_y² sin²φ, GGX has
+D = 1/(π α_x α_y cos⁴θ (1 + t)²) and Λ = (√(1 + α² tan²θ) − 1)/2; Beckmann has
+D = exp(−t)/(π α_x α_y cos⁴θ) and Walter's rational fit of Λ, as in Cycles.
 
 Both are sampled by the visible normals of GGX: Beckmann's D is at most 4/e of GGX's, so that no
-inverse of erf is needed. A face with α_x α_y ≤ 2e-10 is sharp, as in Cycles: a spike that sampling
-finds and the light of points does not.
+inverse of erf is needed. A face with α_x α_y ≤ 2e-10 is a mirror, as in Cycles: its lobe is a
+spike, which samples of the BSDF hit and samples of lights never do.
 """
 
 from __future__ import annotations
@@ -29,12 +31,12 @@ from numpy.typing import NDArray
 from ._base import Array, Frame, Lobe, dot
 from ._fresnel import Dielectric, EdgeTint, Fresnel
 
-SHARP = 2e-10
-SPIKE, WIDTH = 1e12, 1e-9
+SHARP = 2e-10  # greatest α_x α_y of a mirror
+SPIKE, WIDTH = 1e12, 1e-9  # density [1/sr] of its spike, and how far a direction may be beside it
 
 
 def slopes(vectors: Array, alpha_x: Array, alpha_y: Array) -> Array:
-    """Return α² tan²θ (n,) of local vectors (n, 3), the α of their own azimuth."""
+    """Return α² tan²θ (n,) of local vectors (n, 3), with the α at their azimuth."""
     flat = (alpha_x * vectors[..., 0]) ** 2 + (alpha_y * vectors[..., 1]) ** 2
     return flat / np.maximum(vectors[..., 2] ** 2, 1e-30)
 
@@ -54,8 +56,9 @@ def beckmann_masking(slope: Array) -> Array:
 def visible_normals(u: Array, wo: Array, alpha_x: Array, alpha_y: Array) -> Array:
     """Return normals (..., 3) of GGX with the density D max(o·m, 0) / (cosθ_o (1 + Λ(o))).
 
-    Facets are stretched to a sphere's, where the visible ones are halfway between o and a cap of
-    even density (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps, 2023).
+    Facets are stretched to those of a hemisphere. There the visible normals lie halfway between o
+    and directions uniform in a spherical cap (Dupuy and Benyoub, Sampling Visible GGX Normals with
+    Spherical Caps, 2023).
     """
     stretch = np.stack([alpha_x, alpha_y, np.ones_like(alpha_x)], axis=-1)
     seen = unit(wo * stretch)
@@ -86,7 +89,7 @@ def stretched(roughness: Array, anisotropy: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Microfacet(Lobe):
-    """Reflection by rough faces; without a Fresnel factor all of it is reflected.
+    """Reflection by rough faces; without a Fresnel factor the facets reflect all light.
 
     Attributes
     ----------
@@ -110,12 +113,12 @@ class Microfacet(Lobe):
         return self.alpha_x * self.alpha_y <= SHARP
 
     def _facets(self, wi: Array) -> tuple[Array, Array]:
-        """Return m (n, 3) of a pair, and dω_m/dω_i |o·m|, 0 where there is none such."""
+        """Return m (n, 3) for o and i, and |o·m| dω_m/dω_i (n,), 0 where no facet does it."""
         m = unit(self.wo + wi)
         return m, np.where(wi[:, 2] > 0.0, 0.25, 0.0)
 
     def _leaving(self, m: Array) -> Array:
-        """Return ω_i of facets, 0 where it leaves the lobe's side."""
+        """Return i (n, 3) for facets m (n, 3), 0 where it lies on the wrong side."""
         wi = 2.0 * dot(self.wo, m)[:, None] * m - self.wo
         return wi * (wi[:, 2:] > 0.0)
 
@@ -169,13 +172,14 @@ class Microfacet(Lobe):
 
 @dataclass(frozen=True)
 class VisibleRefraction(Microfacet):
-    """Refraction by rough faces of what the Fresnel factor does not reflect; all of it without.
+    """Refraction by rough faces of what they do not reflect; of all light without a Fresnel factor.
 
-    Radiance is not compressed, as in Cycles, so that f(i, o) = η² f(o, i) seen from either side.
+    As in Cycles, radiance is not scaled by η² when it enters a medium. So f is not reciprocal: it is
+    η² times the f with i and o exchanged, seen from the other side.
 
     Attributes
     ----------
-    ior : (n,) η of the far side by that of the viewer's.
+    ior : (n,) η, the far side's index over that of the viewer's side.
     """
 
     reciprocal: ClassVar[bool] = False
@@ -221,12 +225,13 @@ class VisibleRefraction(Microfacet):
 
 @dataclass(frozen=True)
 class Refraction(VisibleRefraction):
-    """Refraction as Cycles evaluates it, also by facets that neither side could see.
+    """Refraction as Cycles evaluates it, which counts facets that o and i cannot both see.
 
-    Of light that it samples Cycles does not ask that m faces both ways, short of total reflection:
-    at roughness 1 and grazing angles that makes half as much energy again. Its density says so too,
-    though its directions never go there; multiple importance sampling then loses of that light, in
-    wide worlds most, what Cycles loses.
+    For samples of lights Cycles checks only that there is no total reflection, and not that m faces
+    o on one side and i on the other. At roughness 1 and grazing angles that adds half as much light
+    again. Cycles' density includes these directions, although its BSDF samples never take them;
+    multiple importance sampling therefore loses some of that light, most under a wide world, just
+    as it does in Cycles.
     """
 
     conserves: ClassVar[bool] = False
@@ -236,4 +241,4 @@ class Refraction(VisibleRefraction):
 
     @classmethod
     def examples(cls, wo: Array, frame: Frame) -> Sequence[Refraction]:
-        return []  # its density is not that of its samples
+        return []  # its samples do not follow its density

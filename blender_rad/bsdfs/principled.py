@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Principled BSDF: layers, of which each takes from those below what it sends to the viewer.
 
-From above: sheen, coat, a share of metal, a share of glass, gloss, and a diffuse base. Below a
-layer of weight w that reflects w a of white surroundings stays w max(0, 1 − max a), the greatest of
-the channels; the a of coat and gloss are Cycles' estimates, without what more reflections between
-their facets give back. A coat absorbs its tint to the power of the refracted way through it,
-1/cosθ_t. All of that comes from ω_o alone, so that what is below a layer is not reciprocal.
+From the top: sheen, coat, a share of metal, a share of glass, gloss, and a diffuse base. A layer
+of weight w and albedo a (by channel) leaves the weight w max(0, 1 − max a) to those below, the
+same in all channels. The albedos of coat and gloss are Cycles' estimates, which leave out light
+that is reflected more than once between facets. A coat lets tint^(1/cosθ_t) of the light pass:
+θ_t is the angle of the refracted ray, which goes 1/cosθ_t thicknesses through the coat. All of
+these depend on ω_o alone, so that what is below a layer is not reciprocal.
 
 Subsurface scattering, thin films and thin walls are not here.
 """
@@ -26,7 +27,7 @@ from ._sheen import Sheen
 from .glass import relative_index
 
 NEGLIGIBLE = 1e-5  # weights up to here count as 0 in Cycles
-Layer = tuple[list[Lobe], Array]  # and the weight (n, 3) that it leaves below
+Layer = tuple[list[Lobe], Array]  # its lobes, and the weight (n, 3) that it leaves below
 
 
 @BSDFS.register("ShaderNodeBsdfPrincipled")
@@ -44,7 +45,7 @@ def principled(inputs: Inputs) -> Sequence[Lobe]:
 
 
 def emitted(inputs: Inputs) -> Array:
-    """Return the share (n, 3) of its emission that leaves a Principled BSDF, with the weight."""
+    """Return the share (n, 3) of a Principled BSDF's emission that passes its sheen and coat."""
     return _covers(inputs)[1]
 
 
@@ -69,7 +70,7 @@ def _covers(inputs: Inputs) -> Layer:
         face = Remapped(ior, normal_reflectance(ior)[:, None])
         lobe, taken = faces.reflecting(coat * weight, face)
         cosine = np.sqrt(1.0 - (1.0 - faces.cosine**2) / ior**2)
-        way = 1.0 / np.maximum(cosine, 0.01)[:, None]  # finite, too, for tints above 1
+        way = 1.0 / np.maximum(cosine, 0.01)[:, None]  # limited, so that tints above 1 stay finite
         absorbed = coat * (1.0 - _tone(inputs, "Coat Tint") ** way)
         weight = _under(weight, coat * taken) * np.maximum(1.0 - absorbed, 0.0)
         lobes.append(lobe)

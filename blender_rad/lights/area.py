@@ -13,17 +13,18 @@ Blender property    unit                    meaning
 `cycles.is_portal`                          a guide for sampling the world, emits nothing
 =================== ======================= ====================================================
 
-Derivation. A Lambertian emitter has Φ = πLA. A spread of half angle h = s/2 dims the radiance as
-a grid of slats would, by (tan h - tan θ)/D for θ < h. The flux then is LA/D times
-2π∫(tan h - tan θ) sin θ cos θ dθ = π(tan h - h), so that D = tan h - h leaves it at P. Up to
-h = 0.05 Cycles takes D = h³/3, the first term of its series, and the flux is a little more than P
-(0.1 % at 0.05): the `cycles` model follows, the `physical` model keeps tan h - h. With s = 0 the
-beam is parallel: E = (P/A) cos θ within the outline. Irradiance without spread is Lambert's
-polygon, or the confocal ellipsoid of `ellipse_irradiance`.
+Derivation. A Lambertian emitter has Φ = πLA. A spread of half angle h = s/2 multiplies the radiance
+by (tan h - tan θ)/D for angles θ < h from the axis, as a grid of slats would, and by 0 beyond. The
+flux then is LA/D times 2π∫(tan h - tan θ) sin θ cos θ dθ = π(tan h - h), so that D = tan h - h
+keeps it at P. Up to h = 0.05 Cycles takes D = h³/3, the first term of the series of tan h - h, and
+the flux is a little more than P (0.1 % at 0.05): the `cycles` model follows, the `physical` model
+keeps tan h - h. With s = 0 the beam is parallel: E = (P/A) cos θ within the outline. Irradiance
+without spread is Lambert's polygon, or the confocal ellipsoid of `ellipse_irradiance`.
 
 Rectangles are sampled uniformly in solid angle (Ureña, Fajardo and King 2013, "An
-area-preserving parametrization for spherical rectangles", doi:10.1111/cgf.12151), ellipses in area;
-where a spread leaves less than that to be seen, the rectangle around the visible part.
+area-preserving parametrization for spherical rectangles", doi:10.1111/cgf.12151), ellipses
+uniformly in area; where a spread hides part of either, the rectangle around the visible part is
+sampled in solid angle.
 
 Sheared lights (a parent scaled unevenly, ``area-sheared`` in `notes`) have axes that are not at
 right angles. Cycles then works with A = |x||y|, with -Z as the emitter's normal, and with the
@@ -50,7 +51,7 @@ from ._ies import ies_fields
 
 FULL_SPREAD = np.pi - 1e-6  # π in single precision counts as π
 SERIES_BELOW = 0.05  # [rad] where Cycles takes tan h - h as h³/3
-SMALLEST_SOLID_ANGLE = 1e-8  # [sr]; below, its rounding passes 1e-8 and area serves as well
+SMALLEST_SOLID_ANGLE = 1e-8  # [sr]; below, it rounds too much, and sampling by area is as good
 ORTHOGONAL = 1e-5  # largest cosine between axes that counts as a right angle
 SHEARED = "area-sheared"
 
@@ -298,8 +299,8 @@ class AreaLight(Light):
         """Build the light; None where it emits nothing, as with an axis of no length.
 
         `normalize` off: radiance P/π is that of a power P·A. Physical model: radiance and areas
-        count real metres, so the power over bu² is P/s² with s metres a bu; a radiance that is
-        stated as such needs no s.
+        count real metres, so the power over bu² is P/k² with k metres a bu; a radiance that is
+        stated as such needs no k.
         """
         properties = record.properties
         rgb, matrix = stated_emission(record), np.array(record.world_from_light, dtype=np.float64)

@@ -11,18 +11,18 @@ Blender property    unit                    meaning
 
 Derivation. A ray that leaves in direction ω (world) has the local direction l = A ω/|A ω|, with A
 the inverse of the light's linear transform: an object scale squeezes the cone (elliptical where x
-and y differ), shear slants it, and neither changes the intensity. Its factor is 3t² - 2t³ with
-t = (-l_z - c)/((1 - c) b) in [0, 1]. This is tested for every ray, so a radius blurs the ramp.
-With radius 0, I = P/4π times the factor, and without scale the flux is
+and y differ), shear slants it, and neither changes the intensity. The ray's factor is
+f = 3t² - 2t³ with t = (-l_z - c)/((1 - c) b), clamped to [0, 1]. As every ray has its own, a radius
+blurs the ramp. With radius 0, I = P f/4π, and without scale the flux is
 Φ = (P/4π) 2π (1-c)(1-b/2) = P(1-c)(1-b/2)/2, since a smoothstep has the mean ½; in general the
 solid angle is dω = |det M|/|M l|³ dl with M = A⁻¹, integrated here by quadrature. A sphere shows
 πr² to every direction, so Φ = ∫ πr² L f dω is the same.
 
-A negative z scale turns the spot about. Inside the sphere of a spot Cycles drops the cone; there it
-also counts the rays that come from the far side of the centre by light sampling alone, which makes
-its result depend on how many lights there are (half for a single light): here they count in full,
-E = πL. A singular transform has no local direction; Cycles gives nothing with radius 0 and noise
-otherwise, here such a spot emits nothing.
+A negative z scale turns the spot about. At points inside a spot's sphere Cycles ignores the cone,
+and there it finds rays from beyond the centre by light sampling alone, so that its result depends
+on how many lights there are (half for a single light). Here they count in full: E = πL. A singular
+transform has no inverse and thus no local direction: Cycles gives no light with radius 0 and noise
+otherwise; here such a spot emits nothing.
 
 The physical model keeps the convention I = P/4π inside the cone.
 """
