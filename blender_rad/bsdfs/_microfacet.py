@@ -174,8 +174,8 @@ class Microfacet(Lobe):
 class VisibleRefraction(Microfacet):
     """Refraction by rough faces of what they do not reflect; of all light without a Fresnel factor.
 
-    As in Cycles, radiance is not scaled by η² when it enters a medium. So f is not reciprocal: it is
-    η² times the f with i and o exchanged, seen from the other side.
+    As in Cycles, radiance is not scaled by η² when it enters a medium. So f is not reciprocal: it
+    is η² times the f with i and o exchanged, seen from the other side.
 
     Attributes
     ----------
