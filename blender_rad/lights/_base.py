@@ -190,7 +190,10 @@ class Light(ABC):
     @classmethod
     @abstractmethod
     def examples(cls) -> list[Light]:
-        """Return lights that the contract tests are run on."""
+        """Return lights for the contract tests.
+
+        Those that stand somewhere do so within half a bu of (0.2, -0.1, 1.5).
+        """
 
 
 def light_from_record(record: LightRecord, model: Model) -> Light | None:
