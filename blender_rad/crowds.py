@@ -6,13 +6,18 @@ light of size s at a distance d, with the intensity I(ω) in the direction ω, s
 
     S = I(ω) cosθ/(d² + s²)
 
-of which a share p arrives, as lights that are tried at the points tell. The `NEAR` lights that may
-be the brightest somewhere in a box are chosen with a chance q ∝ √p S at the point itself, all the
-others with q ∝ √p S̅ of its box: the variance is least for q² in proportion to the mean square.
+of which a share p arrives, as the box's points tell, where the lights that send most are tried. So
+h = p S is foreseen: with S at the point itself for the `NEAR` lights that may be the brightest
+somewhere in the box, and with its mean S̅ in the box for all others. The picks tell by how much that
+is wrong, and c, as in `direct`, what the pixel's other streams have seen of what was foreseen:
 
-`PICKS` strata of that distribution give a light each; the mean of f V / q is free of bias whatever
-the tables say, since every light keeps a chance. What samples of closures meet is found through
-boxes around the lights, each of which they leave once.
+    Ê = c Σ h + mean of (f V - c h)/q
+
+The error of h is that of a light which is seen with the chance p, and more: q ∝ S √(p(1 - p) + ε).
+
+`PICKS` strata of q, in which neighbours are next to each other, give a light each. The mean is free
+of bias whatever the tables say, since every light keeps a chance. What samples of closures meet is
+found through boxes around the lights, each of which they leave once.
 """
 
 from __future__ import annotations
@@ -49,21 +54,23 @@ Ints = NDArray[np.int64]
 FEW = 16  # lights that are sampled one by one
 MATTERS = 0.007  # share of the light with which a name keeps its layer; at 0.01 it is judged
 SEEN, POINTS = 4096, 4  # points that are looked at, and how many of them a box has at most
+PIXELS = 8  # for each of the points
 PAIRS = 1 << 22  # of points and lights, at most
-TRIES = 32  # lights that are tried at each of the points
+TRIES = 64  # lights that are tried at each of the points
 NEAR, PICKS = 24, 8
 MANY_KINDS = 64
-FLAT = 0.1  # least √p, and least I over its peak
-GRAZING = 0.05  # least cosθ
+DOUBT = 0.09  # ε
+FLAT = 0.1  # least I over its peak
+GRAZING = 0.01  # least cosθ
 WARY = 0.03  # weight, beside the mean of S, of the most that a light may send
 TURN = 0.125  # of the scene's extent: what a normal's unit counts as
-SIDE = 16  # directions in a table, squared
+SIDE = 32  # directions in a table, squared
 FAR = 1e3  # of a light's size: from there its intensity is seen
 PLACE = ("position", "center")  # fields for where a light stands
 LOOSE = 1e-3  # of a light's size: how much wider its box is
 STEP = 1e-6  # of coordinates: where a ray goes on behind a box
 TINY = 1e-12  # [bu²], beside squared distances
-BY_LIGHT = "_rgb _bounds _is_found _kind_of _places _centre _size _brightness"
+BY_LIGHT = "rgb _bounds _is_found _kind_of _places _centre _size _brightness"
 FIRST_DIMENSION = 1 << 12  # of random numbers, beyond those of single lights
 
 
@@ -132,19 +139,20 @@ class Crowd:
     Attributes
     ----------
     emitter : a stand-in, whose `rgb` is 1.
+    rgb, hue : (lights, 3) `Light.rgb`, and this over its luminance.
     batches : how many to work off at once, where lights are asked one by one.
     """
 
     def __init__(self, lights: Sequence[Light], surface: Surface, weights: Floats) -> None:
         self.emitter = Emitter(replace(lights[0], rgb=np.ones(3)), 0)
-        self._rgb = np.array([light.rgb for light in lights])
+        self.rgb = np.array([light.rgb for light in lights])
         self._bounds = np.array([_bounds(light) for light in lights])
         self._is_found = np.array([light.is_found for light in lights])
         self._kind_of, self._kinds, self._places = _alike(lights)
         low, high = self._bounds.swapaxes(0, 1)
         self._centre = (0.5 * (low + high)).astype(np.float32)
         self._size = (((high - low) ** 2).sum(axis=1) / 12.0).astype(np.float32)
-        self._brightness = (np.abs(self._rgb) @ weights).astype(np.float32)
+        self._brightness = (np.abs(self.rgb) @ weights).astype(np.float32)
         tables = [_intensities(one, weights) for one, _ in self._kinds]
         self._intensity = np.array(tables, dtype=np.float32)
         self._boxes = Boxes(surface.point, surface.normal)
@@ -161,17 +169,26 @@ class Crowd:
             gap = np.maximum(least - end[:, None], start[:, None] - greatest)
             squared += np.maximum(gap, 0.0) ** 2
         self._most = self._intensity.max(axis=1)[self._kind_of] * self._brightness / squared
-        self._passing = np.ones_like(self._mean)
-        self._settle()
+        self._arriving = np.ones_like(self._mean)
 
     def _settle(self) -> None:
         """Make tables of what is known of the boxes."""
         self.batches = 4 if len(np.unique(self._kind_of)) > MANY_KINDS else 1
-        count = min(NEAR, len(self._rgb) // 2)
-        self._near = np.argpartition(-self._most * self._passing, count, axis=1)[:, :count]
+        self.hue = (self.rgb / self._brightness[:, None]).astype(np.float32)
+        doubt = np.sqrt(self._arriving * (1.0 - self._arriving) + np.float32(DOUBT))
+        count = min(NEAR, len(self.rgb) // 2)
+        near = np.argpartition(-self._most * doubt, count, axis=1)[:, :count]
+        self._near = np.sort(near, axis=1)
+        self._near_doubt, near_arriving = (
+            np.take_along_axis(each, self._near, axis=1) for each in (doubt, self._arriving)
+        )
+        self._near_rgb = near_arriving[..., None] * self.hue.take(self._near, axis=0)
         wary = np.minimum(self._most, self._mean / np.float32(STEP))
-        self._rest = (self._mean + np.float32(WARY) * wary) * self._passing
-        np.put_along_axis(self._rest, self._near, 0.0, axis=1)
+        self._rest = (self._mean + np.float32(WARY) * wary) * doubt
+        foreseen = self._mean * self._arriving
+        for each in (self._rest, foreseen):
+            np.put_along_axis(each, self._near, 0.0, axis=1)
+        self._rest_rgb = foreseen @ self.hue
         upto = np.cumsum(self._rest, axis=1, dtype=float)
         self._others = upto[:, -1].copy()
         self._table = (upto / upto[:, -1:] + np.arange(len(upto))[:, None]).ravel()
@@ -182,61 +199,67 @@ class Crowd:
         one.emitter = replace(self.emitter, layer=layer)
         for name in BY_LIGHT.split():
             setattr(one, name, getattr(self, name)[lights])
-        for name in ("_mean", "_most", "_passing"):
+        for name in ("_mean", "_most", "_arriving"):
             setattr(one, name, getattr(self, name).take(lights, axis=1))
         one._settle()
         return one
 
     def learn(self, light: DirectLight, surface: Surface) -> Floats:
         """Try lights at the points; return the mean (lights,) of what arrives there of each."""
-        weights, lights = np.array(light.scene.luminance_weights), len(self._rgb)
-        index = np.arange(len(surface.point))
+        weights, where = np.array(light.scene.luminance_weights), (surface.point, surface.normal)
+        box, boxes = self._boxes.of(*where), np.arange(len(self._mean))
+        index, count = np.arange(len(box)), min(TRIES, len(self.rgb))
         uniform = Points(0 * index, 0 * index, index, 1).pair
-        where = surface.point, surface.normal
-        chosen, chance, sent = self.pick(*where, uniform(self._dimension)[:, 0], TRIES)
-        value = np.zeros(chosen.shape)
-        samples = self._sampled(*where, uniform, chosen, chance)
-        for own, (sample, rgb) in zip(value, samples, strict=True):
+        found, tried = np.zeros((2, *self._mean.shape))
+        for lights in np.argpartition(-self._mean, count - 1, axis=1)[:, :count].T:
+            chosen = lights.take(box)[None]
+            ((sample, rgb),) = self._sampled(*where, uniform, chosen, np.ones(chosen.shape))
             cosine = dot(surface.normal, sample.wi)
-            own[:] = np.maximum(cosine, 0.0) * np.abs(sample.weight) * (np.abs(rgb) @ weights)
-            lit = np.flatnonzero(own)
+            value = np.maximum(cosine, 0.0) * np.abs(sample.weight) * (np.abs(rgb) @ weights)
+            lit = np.flatnonzero(value)
             if len(lit):
-                own[lit] *= light.seen(self.emitter, surface, sample, cosine, lit, passed=0)[0]
-        box = self._boxes.of(*where)
-        place = (box * lights + chosen).ravel()
-        share = TRIES * value * chance / sent
-        tried, found = (
-            np.bincount(place, each, self._mean.size).reshape(self._mean.shape)
-            for each in (np.ones(place.size), share.ravel())
-        )
-        passing = np.sqrt((found + share.mean()) / (tried + 1.0))
-        self._passing = np.maximum(passing, FLAT).astype(np.float32)
-        return np.bincount(chosen.ravel(), value.ravel(), lights) / len(box)
+                value[lit] *= light.seen(self.emitter, surface, sample, cosine, lit, passed=0)[0]
+            found[boxes, lights] = np.bincount(box, value, len(boxes))
+            tried[boxes, lights] = np.bincount(box, self._sent(*where, chosen.T)[:, 0], len(boxes))
+        share = np.broadcast_to(found.sum(axis=1) / tried.sum(axis=1), found.T.shape).T.copy()
+        np.divide(found, tried, out=share, where=tried > 0.0)
+        self._arriving = np.minimum(share, 1.0).astype(np.float32)
+        return np.bincount(box) @ (self._arriving * self._mean) / len(box)
 
-    def _expected(self, points: Floats, normals: Floats) -> tuple[Ints, Ints, Singles, Floats]:
-        """Return boxes (n,), lights near (n, k), what these send (n, k), and what all do (n,)."""
+    def _expected(
+        self, points: Floats, normals: Floats
+    ) -> tuple[Ints, Ints, Singles, Singles, Floats]:
+        """Return boxes (n,), lights near (n, k), S and q (n, k) of these, and the sum of q (n,)."""
         box = self._boxes.of(points, normals)
         near = self._near.take(box, axis=0)
         sent = self._sent(points, normals, near)
-        sent *= self._passing.take(box[:, None] * len(self._rgb) + near)
-        return box, near, sent, sent.sum(axis=1) + self._others.take(box)
+        often = sent * self._near_doubt.take(box, axis=0)
+        return box, near, sent, often, often.sum(axis=1) + self._others.take(box)
 
     def pick(
-        self, points: Floats, normals: Floats, u: Floats, picks: int = PICKS
-    ) -> tuple[Ints, Floats, Floats]:
-        """Return lights (picks, n), their chances, and what they may send, from `u` (n,)."""
-        box, near, sent, total = self._expected(points, normals)
-        upto, rows, count = np.cumsum(sent, axis=1, dtype=float), np.arange(len(box)), near.shape[1]
-        at = (np.arange(picks)[:, None] + u) / picks * total
+        self, points: Floats, normals: Floats, u: Floats
+    ) -> tuple[Ints, Floats, Floats, Floats]:
+        """Return lights (picks, n), their chances, what is foreseen of them over these, and of all.
+
+        Of all it is (n, 3), and the mean of the others', times `hue`. The picks are of `u` (n,).
+        """
+        box, near, sent, often, total = self._expected(points, normals)
+        rows, count = np.arange(len(box)), near.shape[1]
+        upto = np.cumsum(often, axis=1, dtype=float)
+        at = (np.arange(PICKS)[:, None] + u) / PICKS * total
         column = np.zeros(at.shape, dtype=np.int64)
         for each in upto.T:
             column += each <= at
         left = np.clip((at - upto[:, -1]) / self._others.take(box), 0.0, 1.0 - 1e-9)
         entry = np.searchsorted(self._table, box + left, side="right")
         is_near, column = column < count, np.minimum(column, count - 1)
-        chosen = np.where(is_near, near[rows, column], entry - box * len(self._rgb))
-        expected = np.where(is_near, sent[rows, column], self._rest.take(entry))
-        return chosen, expected / total, expected
+        entry = np.where(is_near, box * len(self.rgb) + near[rows, column], entry)
+        chance = np.where(is_near, often[rows, column], self._rest.take(entry)) / total
+        foreseen = np.where(is_near, sent[rows, column], self._mean.take(entry))
+        whole = np.einsum("nk,nkc->nc", sent, self._near_rgb.take(box, axis=0))
+        whole += self._rest_rgb.take(box, axis=0)
+        share = self._arriving.take(entry) / chance
+        return entry - box * len(self.rgb), chance, foreseen * share, whole
 
     def _sent(self, points: Floats, normals: Floats, lights: Ints) -> Singles:
         """Return S (n, k) of `lights` (n, k), or the same (1, k), at n points."""
@@ -244,10 +267,11 @@ class Crowd:
         x, y, z = (self._centre[:, k].take(lights) - place[:, k, None] for k in range(3))
         squared = np.maximum(x * x + y * y + z * z, np.float32(TINY))
         height = x * normal[:, 0, None] + y * normal[:, 1, None] + z * normal[:, 2, None]
-        cosine = np.maximum(height / np.sqrt(squared), np.float32(GRAZING))
+        size = self._size.take(lights)
+        cosine = np.maximum(height, 0.5 * np.sqrt(size)) / np.sqrt(squared + size)
         table = self._kind_of.take(lights) * SIDE**2 + _bin(-x, -y, -z)
         intensity = self._intensity.take(table) * self._brightness.take(lights)
-        return intensity * cosine / (squared + self._size.take(lights))
+        return intensity * np.maximum(cosine, np.float32(GRAZING)) / (squared + size)
 
     @cached_property
     def _around(self) -> Caster:
@@ -283,21 +307,24 @@ class Crowd:
             at = {place: self._places.take(chosen, axis=0)} if place else {}
             found = replace(one, **at).look(points[own], normals[own], wi[own])
             distance[own], shown, density = found
-            radiance[own] = shown.reshape(len(own), -1) * self._rgb.take(chosen, axis=0)
-            box, near, sent, total = self._expected(points[own], normals[own])
-            sent = np.where(near == chosen[:, None], sent, 0.0).sum(axis=1)
-            pdf[own] = PICKS * density * (sent + self._rest[box, chosen]) / total
+            radiance[own] = shown.reshape(len(own), -1) * self.rgb.take(chosen, axis=0)
+            box, near, _, often, total = self._expected(points[own], normals[own])
+            often = np.where(near == chosen[:, None], often, 0.0).sum(axis=1)
+            pdf[own] = PICKS * density * (often + self._rest[box, chosen]) / total
         return distance, radiance, pdf
 
     def sample(
         self, points: Floats, normals: Floats, uniform: Callable[[int], Floats]
-    ) -> list[tuple[LightSample, Floats]]:
+    ) -> tuple[list[tuple[LightSample, Floats]], Floats, Floats]:
         """Return `PICKS` times a sample of a light at each point, with its `rgb` (n, 3).
 
-        Weights are over chance and number, so that the results add up.
+        Weights are over chance and number, so that the results add up. What was foreseen of these,
+        so weighed, and of all lights, (n, 3) each, follows.
         """
-        chosen, chance, _ = self.pick(points, normals, uniform(self._dimension)[:, 0])
-        return self._sampled(points, normals, uniform, chosen, chance)
+        chosen, chance, foreseen, whole = self.pick(points, normals, uniform(self._dimension)[:, 0])
+        samples = self._sampled(points, normals, uniform, chosen, chance)
+        own = (foreseen[..., None] * self.hue.take(chosen, axis=0)).mean(axis=0)
+        return samples, own, whole
 
     @property
     def _dimension(self) -> int:
@@ -315,7 +342,7 @@ class Crowd:
         picks, n = chosen.shape
         lights = chosen.ravel()
         u = np.concatenate([uniform(self._dimension + 1 + k) for k in range(picks)])
-        wi, rgb = np.empty((lights.size, 3), order="F"), self._rgb.take(lights, axis=0)
+        wi, rgb = np.empty((lights.size, 3), order="F"), self.rgb.take(lights, axis=0)
         distance, weight, pdf = np.empty((3, lights.size))
         kind = self._kind_of.take(lights)
         ends = np.cumsum(np.bincount(kind, minlength=len(self._kinds)))
@@ -399,8 +426,9 @@ def _bin(x: Singles, y: Singles, z: Singles) -> Ints:
 
 
 def _intensities(light: Light, weights: Floats) -> Floats:
-    """Return luminous intensities (SIDE²,) in the middles of the bins, over that of its `rgb`."""
-    u, v = (np.indices((SIDE, SIDE)).reshape(2, -1) + 0.5) * (2.0 / SIDE) - 1.0
+    """Return luminous intensities (SIDE²,) of the bins, root mean squares, over that of `rgb`."""
+    fine = 2 * SIDE
+    u, v = (np.indices((fine, fine)).reshape(2, -1) + 0.5) * (2.0 / fine) - 1.0
     z = 1.0 - np.abs(u) - np.abs(v)
     x = np.where(z < 0.0, np.copysign(1.0 - np.abs(v), u), u)
     y = np.where(z < 0.0, np.copysign(1.0 - np.abs(u), v), v)
@@ -413,6 +441,7 @@ def _intensities(light: Light, weights: Floats) -> Floats:
     tint = 1.0 if sample.tint is None else np.abs(sample.tint).mean(axis=1)
     found = np.abs(sample.weight) * tint * away**2
     peak = np.abs(light.peak_radiant_intensity()) @ weights / (np.abs(light.rgb) @ weights)
+    found = np.sqrt((found.reshape(SIDE, 2, SIDE, 2) ** 2).mean(axis=(1, 3))).ravel()
     return found + FLAT * max(found.max(), peak)
 
 
@@ -425,7 +454,11 @@ def gathered(light: DirectLight, scene: Scene, camera: Camera, *, per_light: boo
     many = [e for e in light.emitters if _can_join(e) and e.light.name not in scene.linking]
     if len(many) <= FEW:
         return light
-    surface = _seen_points(light, scene, camera, min(SEEN, PAIRS // len(many) + SEEN // 8))
+    middles = np.array([np.mean(_bounds(e.light), axis=0) for e in many])
+    many = [many[k] for k in np.concatenate(Boxes(middles, 0.0 * middles).parts)]
+    width, height = scene.resolution
+    wanted = SEEN // 8 + min(PAIRS // len(many), width * height // PIXELS)
+    surface = _seen_points(light, scene, camera, min(wanted, SEEN))
     if surface is None:
         return light
     everyone = Crowd([e.light for e in many], surface, np.array(scene.luminance_weights))

@@ -38,6 +38,7 @@ from .transparency import Transmission
 
 # Of the distance to a light: what lies nearer to it than this is the light.
 TARGET_SHORTENING = 1e-5
+MOST_SHARE = 2.0  # of what is foreseen of a crowd
 DRAWN = -3  # number of the points that closures are sampled by
 
 
@@ -190,8 +191,8 @@ class DirectLight:
         asked = _Asked(surface, share, uniform, passed, weight, scattering)
         if scattering is not None:
             scattering.draw(uniform(DRAWN))
-        for crowd in self.crowds:
-            yield from self._from_crowd(crowd, asked)
+        for number, crowd in enumerate(self.crowds, len(self.emitters)):
+            yield from self._from_crowd(number, crowd, asked)
         for number, emitter in enumerate(self.emitters):
             unlit = self.links.unlit(emitter.light.name, surface.instance)
             if scattering is not None:
@@ -248,15 +249,16 @@ class DirectLight:
             scattered = reaching.passed(glow * emitter.light.rgb)
             yield Arrival(emitter, reaching.value, reaching.exclusions, scattered=scattered)
 
-    def _from_crowd(self, crowd: Crowd, asked: _Asked) -> Iterator[Arrival]:
-        """Yield the light of a crowd."""
+    def _from_crowd(self, number: int, crowd: Crowd, asked: _Asked) -> Iterator[Arrival]:
+        """Yield the light of the crowd that `share` knows by that number."""
         surface, scattering = asked.surface, asked.scattering
         if scattering is not None:
             for look in crowd.looks(*scattering.gaze):
                 yield from self._met(crowd.emitter, asked, scattering.met(look, RAYS))
         total, exclusions = np.zeros((len(surface.point), 3)), list[Exclusion]()
         scattered = None if scattering is None else np.zeros_like(total)
-        for sample, rgb in crowd.sample(surface.point, surface.normal, asked.uniform):
+        samples, foreseen, whole = crowd.sample(surface.point, surface.normal, asked.uniform)
+        for sample, rgb in samples:
             glow = None
             if scattering is not None:
                 glow = scattering.lit(sample, RAYS, found=True) * rgb
@@ -267,6 +269,8 @@ class DirectLight:
             total += reaching.passed(reaching.value[:, None] * rgb)
             if glow is not None and scattered is not None:
                 scattered += reaching.passed(glow)
+        share = asked.share(number, *(np.abs(each).sum(axis=1) for each in (foreseen, total)))
+        total += np.minimum(share, MOST_SHARE)[:, None] * (whole - foreseen)
         brightest = np.abs(total).max(axis=1)
         yield Arrival(crowd.emitter, brightest, exclusions, _over(total, brightest), scattered)
 

@@ -149,7 +149,8 @@ class _Run:
         self.layer_of = np.array([self.layers.get(i.name, -1) for i in scene.instances], dtype=int)
         layers = len(self.light.names) if settings.per_light else 0
         self.sums = Pixels(layers, len(self.place), STREAMS)
-        self.sightings = Sightings(len(light.emitters), len(self.place), STREAMS)
+        numbered = len(light.emitters) + len(light.crowds)
+        self.sightings = Sightings(numbered, len(self.place), STREAMS)
         self.progress = progress or (lambda share: None)
         self.arrived: Arrived = lambda _: None
         self.cancel = cancel or threading.Event()

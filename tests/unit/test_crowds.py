@@ -54,15 +54,20 @@ def test_what_is_chosen_adds_up_to_all() -> None:
     several = [
         e.light for e in light.emitters if np.isfinite(e.light.peak_radiant_intensity()).all()
     ]
+    rgb = np.array([one.rgb for one in several])
     sent = np.array([np.nan_to_num(one.irradiance(points, normals)) for one in several])
-    found = np.empty((times, count))
+    sent, total = sent[[np.abs(rgb - own).sum(axis=1).argmin() for own in crowd.rgb]], rgb.T @ sent
+    plain, found = np.empty((2, times, count, 3))
     for k in range(times):
-        chosen, chance, _ = crowd.pick(points, normals, rng.random(count))
-        found[k] = (sent[chosen, np.arange(count)] / chance).mean(axis=0)
-    z = (found.mean(axis=0) - sent.sum(axis=0)) / (found.std(axis=0, ddof=1) / times**0.5)
-    assert np.abs(z).max() < 4.5
-    assert 0.8 < z.std() < 1.2
-    assert found.mean() == pytest.approx(sent.sum(axis=0).mean(), rel=0.006)
+        chosen, chance, foreseen, whole = crowd.pick(points, normals, rng.random(count))
+        light_of = (sent[chosen, np.arange(count)] / chance)[..., None] * crowd.rgb[chosen]
+        plain[k] = light_of.mean(axis=0)
+        found[k] = whole + (light_of - foreseen[..., None] * crowd.hue[chosen]).mean(axis=0)
+    for each in (plain, found):
+        z = (each.mean(axis=0) - total.T) / (each.std(axis=0, ddof=1) / times**0.5)
+        assert np.abs(z).max() < 4.5
+        assert 0.8 < z.std() < 1.2
+        assert each.mean() == pytest.approx(total.mean(), rel=0.006)
 
 
 def test_layers_are_those_of_the_lights(monkeypatch: pytest.MonkeyPatch) -> None:
