@@ -31,7 +31,7 @@ DOCUMENT = {
               "resolution": [320, 240], "unit_scale_m": 1.0},
     "versions": {"blender_rad": "0.1.0", "blender": "4.5", "numpy": "1.26", "embree": "4.3"},
     "settings": {"tolerance": 0.01, "confidence": 0.99, "model": "cycles", "shading": "full",
-                 "efficacy_lm_W": 683.002, "samples": 16, "cycles_samples": 512,
+                 "efficacy_lm_W": 683.002, "samples": 16, "cycles_samples": 512, "cycles_seeds": 8,
                  "asked": {"--witness-scene": ["b c.blend"]},
                  "overridden": {"cycles.max_bounces": {"file": 12, "used": 0}}},
     "pixels": {"compared": 99, "agree": 90, "differ": 1, "undecided": 8, "excluded": 15},
