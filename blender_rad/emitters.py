@@ -46,7 +46,7 @@ def emitters(scene: Scene) -> tuple[list[Emitter], list[str]]:
     world = scene.world
     known += world_lights(scene)
     if not world.known:
-        everywhere = WorldLight(name=WORLD_NAME, rgb=np.ones(3), reaches=_reaches(world))
+        everywhere = WorldLight(name=WORLD_NAME, rgb=np.ones(3), reaches=reaches(world))
         unknown.append((everywhere, _cause(world.unsupported, "world", WORLD_NAME)))
     for light in scene.unknown_lights:
         own = tuple(u for u in scene.unsupported if u.kind == "light" and u.name == light.name)
@@ -65,7 +65,7 @@ def world_lights(scene: Scene) -> list[WorldLight]:
     if not world.known:
         return []
     portals = tuple(p for p in map(Portal.from_record, scene.light_records) if p)
-    light = partial(WorldLight, name=WORLD_NAME, reaches=_reaches(world))
+    light = partial(WorldLight, name=WORLD_NAME, reaches=reaches(world))
     even = [light(rgb=np.array(world.radiance), portals=portals)] if any(world.radiance) else []
     return even + [
         light(rgb=np.full(3, sky.scale), sky=sky, portals=portals if sky.half == WHOLE else ())
@@ -74,7 +74,8 @@ def world_lights(scene: Scene) -> list[WorldLight]:
     ]
 
 
-def _reaches(seen: Instance | World) -> tuple[str, ...]:
+def reaches(seen: Instance | World) -> tuple[str, ...]:
+    """Return the kinds of lobes that something lights."""
     return tuple(ray for ray in RAYS if getattr(seen, f"visible_{ray}"))
 
 
@@ -89,7 +90,7 @@ def _mesh_light(scene: Scene, instance: Instance, slot: int, material: Material)
         name=instance.name,
         rgb=rgb,
         triangles=vertices[mesh.triangles[chosen]],
-        reaches=_reaches(instance),
+        reaches=reaches(instance),
         solid=instance.visible_shadow and material.opaque and not (material.passes or linked),
     )
     if material.emission_texture is None or not material.emission_known:

@@ -292,4 +292,5 @@ _EXTRAS: dict[str, Callable[[Any], dict[str, Any]]] = {
     "ShaderNodeNormal": lambda node: {"direction": tuple(node.outputs[0].default_value)},
     "ShaderNodeNormalMap": lambda node: {"unit_normal": bpy.app.version >= (5, 0)},
     "ShaderNodeRGBToBW": lambda node: {"weights": _weights()},
+    "ShaderNodeBlackbody": lambda node: {"chromaticities": WORKING_SPACES[working_space()]},
 }

@@ -9,7 +9,7 @@ the camera looks first.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import bpy
@@ -271,3 +271,15 @@ def _does(leaf: Leaf, kinds: dict[str, tuple[str, ...]]) -> bool:
     """Return whether a closure is of one of `kinds`, with any of the sockets it needs not 0."""
     sockets = kinds.get(leaf.node.bl_idname)
     return sockets == () or any(nodes.input_number(leaf, name) != 0.0 for name in sockets or ())
+
+
+def without_velvet(material: Material) -> Material:
+    """Return a material for scenes with light that is for diffuse rays but not glossy, or reversed.
+
+    Velvet is unsupported then: glossy where Cycles samples lights, diffuse where it samples
+    surfaces, its picture is a mix of both.
+    """
+    if all(each.settings.get("distribution") != "ASHIKHMIN" for each in material.closures):
+        return material
+    cause = Unsupported("material", material.name, "Velvet in light for some rays")
+    return replace(material, unsupported=(*material.unsupported, cause))

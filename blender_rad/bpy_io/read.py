@@ -12,13 +12,14 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..emitters import reaches
 from ..errors import Finding
 from ..lights import Model, SkyMap
 from ..scene import Scene
 from ..working_space import WORKING_SPACES, luminance_weights
 from .cameras import read_camera
 from .instances import Reader
-from .materials import Shading
+from .materials import Shading, without_velvet
 from .measuring import measure
 from .open import SOURCE_KEY, file_findings, working_space
 from .questions import Asking
@@ -67,6 +68,11 @@ def read_depsgraph(
     size = resolution or frame_size(render)
     camera = bl_scene.camera and read_camera(bl_scene.camera, render, size)
     world = read_world(shown_world(bl_scene, depsgraph.view_layer), maps)
+    glowing = [i for i in reader.instances if any(reader.materials[m].emits for m in i.materials)]
+    found = [light.reaches for light in reader.lights if light.is_found]
+    found += map(reaches, [*glowing, *[world] * bool(any(world.radiance) or world.maps)])
+    if any(("diffuse" in rays) != ("glossy" in rays) for rays in found):
+        reader.materials[:] = map(without_velvet, reader.materials)
     file = bpy.data.filepath or bl_scene.original.get(SOURCE_KEY, "")
     space = working_space()
     findings = [] if live else file_findings()

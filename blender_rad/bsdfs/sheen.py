@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -34,7 +33,8 @@ class Velvet(Lobe):
         G = min(1, 2 m_z o_z/(o·m), 2 m_z i_z/(o·m))
 
     M. Ashikhmin, S. Premože and P. Shirley, "A Microfacet-based BRDF Generator", 2000.
-    It is sampled evenly over the hemisphere, by 1/(2π).
+    It is sampled evenly over the hemisphere, by 1/(2π). Where it samples lights, Cycles takes it
+    for glossy, unlike microfibres.
 
     Attributes
     ----------
@@ -44,7 +44,6 @@ class Velvet(Lobe):
     sigma : (n,) σ.
     """
 
-    ray: ClassVar[str] = "diffuse"
     weight: Array
     frame: Frame
     wo: Array

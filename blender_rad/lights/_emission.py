@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 
+from ..working_space import REC709, rec709_from_working
 from ._base import Array, LightRecord
 
 DAYLIGHT_K = 6500.0  # Blender's default temperature
@@ -46,8 +47,8 @@ def _temperature_colour(record: LightRecord) -> Array:
     return blackbody_rgb(float(record.properties.get("temperature", DAYLIGHT_K)))
 
 
-def blackbody_rgb(temperature: float) -> Array:
-    """Return the linear Rec.709 colour (3,) of a blackbody, of luminance 1.
+def blackbody_rgb(temperature: float, chromaticities: tuple[float, ...] = REC709) -> Array:
+    """Return the linear colour (3,) of a blackbody, of luminance 1, in a working space.
 
     Planck's law under the CIE 1931 2° observer at 1 nm; channels outside the gamut are clipped to
     0 and temperatures to 800–12000 K, as Blender does; it agrees with Blender's table to 0.3 %.
@@ -61,4 +62,4 @@ def blackbody_rgb(temperature: float) -> Array:
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     xyz = np.asarray(colour.sd_to_XYZ(spectrum, observer, method="Integration"))
     rgb = colour.RGB_COLOURSPACES["sRGB"].matrix_XYZ_to_RGB @ (xyz / xyz[1])
-    return np.maximum(np.asarray(rgb, dtype=np.float64), 0.0)
+    return np.maximum(np.linalg.solve(rec709_from_working(chromaticities), rgb), 0.0)

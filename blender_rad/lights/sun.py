@@ -102,11 +102,13 @@ class SunLight(Light):
         half_angle = min(0.5 * float(record.properties.get("angle", 0.0)), 0.5 * np.pi)
         if half_angle and not record.properties.get("normalize", True):
             rgb = rgb * (np.pi * np.sin(half_angle) ** 2)
+        # Suns without Multiple Importance are met by no ray, not even the camera's:
+        sampled = bool(record.properties.get("cycles.use_multiple_importance_sampling", True))
         return cls(
             name=record.name,
             rgb=rgb,
             cast_shadow=casts_shadow(record),
-            visible_camera=record.visible_camera,
+            visible_camera=record.visible_camera and sampled,
             towards=z / length,
             half_angle=float(half_angle),
         )

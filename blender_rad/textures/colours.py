@@ -132,7 +132,8 @@ def _grey(call: Call) -> Floats:
 
 
 def _blackbody(call: Call) -> Floats:
-    return np.array([blackbody_rgb(float(t)) for t in call["Temperature"][:, 0]])
+    space = call.settings["chromaticities"]
+    return np.array([blackbody_rgb(float(t), space) for t in call["Temperature"][:, 0]])
 
 
 register(

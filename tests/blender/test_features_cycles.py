@@ -323,6 +323,33 @@ def seen_alone() -> None:
     lamp('POINT', (-1, 0.3, 1.2), shadow_soft_size=0.3, **seen)
 
 
+def unmet() -> None:
+    """A sun in view without Multiple Importance, which then no ray meets."""
+    shown('SUN', (-0.5, 10, 1.0), angle=0.3)
+    made = bpy.data.objects["Sun"]
+    made.data.cycles.use_multiple_importance_sampling = False
+
+
+def on_velvet() -> None:
+    """Velvet is lit by what is for glossy rays, as far as no surface's ray finds it."""
+    stage()
+    for k, lit in enumerate(("visible_diffuse", "visible_glossy")):
+        lamp('SUN', (1 - 2 * k, -2, 3), angle=0.0, **{lit: False})
+    velvet = material("Velvet", "BsdfSheen", distribution='ASHIKHMIN', Roughness=0.6)
+    for name in ("Floor", "Box"):
+        bpy.data.objects[name].data.materials[0] = velvet
+
+
+def tinted() -> None:
+    """A floor that glows as a blackbody, where there is one in a working space of its own."""
+    lamps()
+    if bpy.app.version >= (5, 0):
+        bpy.ops.wm.set_working_color_space(working_space='ACEScg', convert_colors=False)
+    bpy.data.objects["Floor"].data.materials[0] = material(
+        "Hot", lambda tree: node(tree, "Emission", node(tree, "Blackbody", Temperature=2500.0))
+    )
+
+
 def sampled(method: str) -> None:
     stage()
     made = glow(6.0)
@@ -340,6 +367,9 @@ FLAGS: dict[str, Callable[[], None]] = {
     "light-no-diffuse-rays": unlit_by,
     "light-that-the-camera-alone-sees": seen_alone,
     "portal": portal,
+    "sun-without-mis-in-view": unmet,
+    "velvet": on_velvet,
+    "working-space": tinted,
     "world-sampling-none": partial(on_world, sampling_method='NONE', max_bounces=0),
     "world-sampling-manual": partial(on_world, **MANUAL),
     **{f"emission-sampling-{m.lower()}": partial(sampled, m) for m in ('NONE', 'FRONT', 'BACK')},

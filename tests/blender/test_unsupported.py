@@ -109,6 +109,13 @@ def light_nodes(kind: str) -> Build:
     return build
 
 
+def velvet(box: Any, light: Any) -> str:
+    """Velvet under a world that lights diffuse surfaces alone."""
+    box.data.materials[0] = material(MADE, "BsdfSheen", distribution='ASHIKHMIN')
+    world(Strength=1.0).cycles_visibility.glossy = False
+    return MADE
+
+
 def world_volume(*_: Any) -> str:
     tree = with_nodes(world())
     shows(tree, node(tree, "VolumeScatter"), "Volume")
@@ -158,6 +165,7 @@ CASES: dict[str, Build] = {
     "Camera culling": culled,
     "Noise in a light": light_nodes("TexNoise"),
     "Light Path in a light": light_nodes("LightPath"),
+    "Velvet in light for some rays": velvet,
     "World volume": world_volume,
     "World without shadows": world_without_shadows,
     "Stereoscopy": stereo,
