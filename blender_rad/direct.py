@@ -76,10 +76,23 @@ class Visibility:
 
 
 class Exclusion(NamedTuple):
-    """Points `rows` (k,) whose light is not known, and why."""
+    """Points `rows` (k,) whose light is not known, and why.
+
+    `irradiance` [W/m²] and `scattered` radiance [W/(m² sr)], (k, 3), are the most that is in doubt
+    of an estimate; without them nothing is known.
+    """
 
     rows: Ints
     cause: Unsupported
+    irradiance: Floats | None = None
+    scattered: Floats | None = None
+
+    def most(self, brdf: Floats) -> Floats | None:
+        """Return the radiance (k, 3) in doubt, of points (n, 3) with a Lambert `brdf`."""
+        if self.irradiance is None:
+            return self.scattered
+        reflected = self.irradiance * brdf[self.rows]
+        return reflected if self.scattered is None else reflected + np.abs(self.scattered)
 
 
 class Arrival(NamedTuple):
@@ -136,7 +149,6 @@ class _Asked(NamedTuple):
     share: Share
     uniform: Callable[[int], Floats]
     passed: int
-    weight: Floats | None
     scattering: Scattering | None
 
 
@@ -179,16 +191,14 @@ class DirectLight:
         uniform: Callable[[int], Floats],
         passed: int = 0,
         scattering: Scattering | None = None,
-        *,
-        weight: Floats | None = None,
     ) -> Iterator[Arrival]:
         """Yield the light of emitters that reaches any of n points, in one part or two.
 
         `share` gives c (n,), as `Sightings.of` does, `uniform` points (n, 2) in [0, 1) for the
-        emitter of a number. `passed` transparent surfaces are in front of the points, which let
-        `weight` (n,) pass; `scattering` is what closures do there.
+        emitter of a number. `passed` transparent surfaces are in front of the points; `scattering`
+        is what closures do there.
         """
-        asked = _Asked(surface, share, uniform, passed, weight, scattering)
+        asked = _Asked(surface, share, uniform, passed, scattering)
         if scattering is not None:
             scattering.draw(uniform(DRAWN))
         for number, crowd in enumerate(self.crowds, len(self.emitters)):
@@ -207,10 +217,11 @@ class DirectLight:
         sample = light.sample(surface.point, surface.normal, asked.uniform(number))
         glow = None
         if scattering is not None:
-            glow = scattering.lit(sample, light.reaches, found=light.is_found)
-        reaching = self._reaching(
-            emitter, asked, sample, glow, unlit, lambert="diffuse" in light.reaches
-        )
+            glow = scattering.lit(sample, light.reaches, found=light.is_found) * light.rgb
+        rgb = light.rgb if sample.tint is None else light.rgb * sample.tint
+        if "diffuse" not in light.reaches:
+            rgb = None
+        reaching = self._reaching(emitter, asked, sample, rgb, glow, unlit=unlit)
         if reaching is None:
             return
         value, lit, seen, through, exclusions = reaching
@@ -230,7 +241,7 @@ class DirectLight:
             missing = value[lit, None] * (through - seen[:, None])
             coloured[lit] += _over(missing, irradiance[lit])
             tint = coloured if tint is None else coloured * tint
-        scattered = None if glow is None else reaching.passed(glow * light.rgb)
+        scattered = None if glow is None else reaching.passed(glow)
         yield Arrival(emitter, irradiance, exclusions, tint, scattered)
 
     def _met(
@@ -243,10 +254,10 @@ class DirectLight:
         """Yield what of the emitter the samples of closures have `found`, if anything."""
         if found is None:
             return
-        sample, glow = found
-        reaching = self._reaching(emitter, asked, sample, glow, unlit, lambert=False)
+        sample, glow = found[0], found[1] * emitter.light.rgb
+        reaching = self._reaching(emitter, asked, sample, None, glow, unlit=unlit)
         if reaching is not None:
-            scattered = reaching.passed(glow * emitter.light.rgb)
+            scattered = reaching.passed(glow)
             yield Arrival(emitter, reaching.value, reaching.exclusions, scattered=scattered)
 
     def _from_crowd(self, number: int, crowd: Crowd, asked: _Asked) -> Iterator[Arrival]:
@@ -262,7 +273,7 @@ class DirectLight:
             glow = None
             if scattering is not None:
                 glow = scattering.lit(sample, RAYS, found=True) * rgb
-            reaching = self._reaching(crowd.emitter, asked, sample, glow)
+            reaching = self._reaching(crowd.emitter, asked, sample, rgb, glow)
             if reaching is None:
                 continue
             exclusions += reaching.exclusions
@@ -279,16 +290,18 @@ class DirectLight:
         emitter: Emitter,
         asked: _Asked,
         sample: LightSample,
+        rgb: Floats | None,
         glow: Floats | None,
-        unlit: Bools | None = None,
         *,
-        lambert: bool = True,
+        unlit: Bools | None = None,
     ) -> _Reaching | None:
         """Return what reaches Lambert surfaces, or closures that make `glow` of it; None without.
 
-        Where the light is not for the points, `unlit` (n,), glow becomes 0.
+        `rgb` is the sample's colour, None where it is not for Lambert surfaces. Where the light is
+        not for the points, `unlit` (n,), glow becomes 0.
         """
         surface, cosine = asked.surface, dot(asked.surface.normal, sample.wi)
+        lambert = rgb is not None
         value = np.where(cosine > 0.0, sample.weight * cosine, 0.0) if lambert else 0.0 * cosine
         if lambert and self.geometry.shading_is_shifted:
             value *= self._terminator_shading(surface, cosine)
@@ -299,11 +312,16 @@ class DirectLight:
         if not len(lit):
             return None
         seen, through, exclusions = self.seen(
-            emitter, surface, sample, cosine, lit, passed=asked.passed, weight=asked.weight
+            emitter, surface, sample, cosine, lit, passed=asked.passed
         )
+        reaching = _Reaching(value, lit, seen, through, exclusions)
+        for k, (rows, cause, *_) in enumerate(exclusions):
+            most = None if rgb is None else reaching.passed(value[:, None] * rgb)[rows]
+            shown = None if glow is None else reaching.passed(glow)[rows]
+            exclusions[k] = Exclusion(rows, cause, most, shown)
         if emitter.cause is not None:
-            exclusions = [Exclusion(lit[seen > 0.0], emitter.cause), *exclusions]
-        return _Reaching(value, lit, seen, through, exclusions)
+            exclusions.append(Exclusion(lit[seen > 0.0], emitter.cause))
+        return reaching
 
     def _exact(self, emitter: Emitter, surface: Surface) -> Floats | None:
         """Return the unoccluded irradiance (n,), nan where no closed form holds."""
@@ -332,7 +350,6 @@ class DirectLight:
         lit: Ints,
         *,
         passed: int,
-        weight: Floats | None = None,
     ) -> tuple[Bools | Floats, Floats | None, list[Exclusion]]:
         """Return how much of their sample the points `lit` see (k,), by channel, and what is open.
 
@@ -352,7 +369,7 @@ class DirectLight:
         if not transmission.caster.count:
             return seen, None, []
         rows = np.flatnonzero(seen)
-        found = np.isfinite(sample.pdf[lit[rows]]) * (1.0 if weight is None else weight[lit[rows]])
+        found = np.isfinite(sample.pdf[lit[rows]])
         share, crossed = transmission.along(origins[rows], wi[rows], reach[rows], passed, found)
         exclusions = [
             Exclusion(lit[rows[crossed == instance]], self.visibility.cause(int(instance)))

@@ -50,6 +50,8 @@ BATCH = 20480  # camera samples worked off at a time, so that arrays stay near t
 MAX_SAMPLES = MAX_POINTS
 ANOTHER_SEED = 0x10001  # between surfaces behind each other
 BEHIND = "Measured sockets behind transparent surfaces"
+DOUBT = 1e-4  # of a pixel's radiance: what may be wrong of it
+BLUR = 2  # times that doubts are averaged over 3×3 pixels
 EDGES = "Measured sockets on slivers"
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
 
@@ -140,7 +142,8 @@ class _Run:
         self.closures = Closures(scene, geometry)
         self.measurement = Measurement(scene, camera, geometry, light.visibility.camera)
         self.unsupported = [m.unsupported for m in scene.materials]
-        self.excluded: list[tuple[Unsupported, Ints]] = []  # appended by threads, atomically
+        # Causes, pixels and doubts, appended by threads, atomically:
+        self.excluded: list[tuple[Unsupported, Ints, Floats]] = []
         self.world = world_lights(scene)
         self.inside = _inside(scene)
         self.place = np.flatnonzero(self.inside)  # row of the sums -> pixel of the frame
@@ -361,14 +364,15 @@ class _Run:
         brdf: Floats = np.divide(self.albedo.at(surface), np.pi, order="F")
         irradiance, scattered = np.zeros_like(brdf), np.zeros_like(brdf)
         scattering = self.closures.at(surface)
-        weight = None if batch.weight is None else batch.weight.max(axis=1).take(batch.hits)
-        own = self.light.arrivals(
-            surface, share, lambda k: points.pair(k + 1), passed, scattering, weight=weight
-        )
+        own = self.light.arrivals(surface, share, lambda k: points.pair(k + 1), passed, scattering)
         for arrival in own:
             emitter = arrival.emitter
             for exclusion in arrival.exclusions:
-                self._exclude(batch, batch.hits[exclusion.rows], exclusion.cause)
+                samples = batch.hits[exclusion.rows]
+                most = exclusion.most(brdf)
+                if most is not None and batch.weight is not None:
+                    most *= batch.weight[samples]
+                self._exclude(batch, samples, exclusion.cause, most)
             if emitter.layer < 0:
                 continue
             arriving = arrival.rgb
@@ -431,10 +435,15 @@ class _Run:
                 radiance += own
         return radiance
 
-    def _exclude(self, batch: Batch, samples: Ints, cause: Unsupported) -> None:
+    def _exclude(
+        self, batch: Batch, samples: Ints, cause: Unsupported, most: Floats | None = None
+    ) -> None:
+        """Note what of the radiance of `samples` (k,) is in doubt: at `most` (k, 3), or all."""
         if len(samples):
-            rows = batch.rows[np.unique(samples // batch.each)]
-            self.excluded.append((cause, rows))
+            doubt = np.full(len(samples), np.inf) if most is None else np.abs(most).mean(axis=1)
+            found: Floats = np.zeros(len(batch.rows))
+            np.add.at(found, samples // batch.each, doubt)
+            self.excluded.append((cause, batch.rows[found > 0.0], found[found > 0.0]))
 
     # --- the picture --------------------------------------------------------------------------
 
@@ -443,7 +452,7 @@ class _Run:
         samples = sums.taken
         weight = 1.0 / np.maximum(samples, 1)
         mean, variance = sums.radiance()
-        masks = self._excluded_by()
+        masks = self._excluded_by(np.abs(mean).mean(axis=1), weight)
         excluded = np.any([np.zeros(len(samples), dtype=bool), *masks.values()], axis=0)
         lights, noise = (
             dict(zip(self.light.names, map(self._framed, layers), strict=False))
@@ -472,19 +481,24 @@ class _Run:
             findings=scene.findings,
         )
 
-    def _excluded_by(self) -> dict[Unsupported, Bools]:
-        """Return a mask (n,) for each cause of exclusion."""
-        everyone = np.arange(len(self.place))
-        found = self.excluded + [(cause, everyone) for cause in self.camera.unsupported]
-        masks: dict[Unsupported, Bools] = {}
-        for cause, rows in found:
-            masks.setdefault(cause, np.zeros(len(everyone), dtype=bool))[rows] = True
-        return {cause: self._with_rim(mask) for cause, mask in masks.items()}
+    def _excluded_by(self, radiance: Floats, weight: Floats) -> dict[Unsupported, Bools]:
+        """Return a mask (n,) for each cause of exclusion, given the pixels' radiance (n,).
 
-    def _with_rim(self, mask: Bools) -> Bools:
-        """Return `mask` (n,) and the pixels around it: slivers in them may have been missed."""
-        near = neighbourhood_mean(self._framed(mask.astype(float)), self.inside)
-        return near.reshape(-1)[self.place] > 0.0
+        `weight` is 1 over the number of samples. What may be missed by the samples of one pixel,
+        slivers or rare ways of light, is told by those of its neighbours.
+        """
+        found = {cause: np.full(len(self.place), np.inf) for cause in self.camera.unsupported}
+        for cause, rows, doubt in self.excluded:
+            found.setdefault(cause, np.zeros(len(self.place)))[rows] += doubt
+        return {c: self._blurred(doubt * weight) > DOUBT * radiance for c, doubt in found.items()}
+
+    def _blurred(self, values: Floats) -> Floats:
+        """Return `values` (n,) averaged over neighbours, those that are infinite spread less."""
+        known = np.where(np.isfinite(values), values, 0.0)
+        near = neighbourhood_mean(self._framed(np.isinf(values).astype(float)), self.inside)
+        for _ in range(BLUR):
+            known = neighbourhood_mean(self._framed(known), self.inside).reshape(-1)[self.place]
+        return np.where(near.reshape(-1)[self.place] > 0.0, np.inf, known)
 
     def _framed(self, values: NDArray[T]) -> NDArray[T]:
         """Return `values` (n, ...) in the whole frame (h, w, ...), 0 outside the border."""

@@ -13,9 +13,9 @@ from .surfaces import Geometry, Surface
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 CUTOFF = 1e-5  # what lets less pass than that lets nothing pass in Cycles
-LEAK = 1e-3  # of a light: what may or may not come through counts as nothing if it is no more
 
 
 def shaded_layers(scene: Scene) -> int:
@@ -48,7 +48,7 @@ class Transmission:
         return share
 
     def along(
-        self, origins: Floats, directions: Floats, reach: Floats, passed: int, found: Floats
+        self, origins: Floats, directions: Floats, reach: Floats, passed: int, found: Bools
     ) -> tuple[Floats, Ints]:
         """Return what of the light comes through, and what leaves that open.
 
@@ -56,18 +56,18 @@ class Transmission:
         ----------
         origins, directions, reach : of n rays; directions to what is not infinitely far end on it.
         passed : surfaces that the camera's rays have passed before.
-        found : (n,) the share that these let pass, 0 where Cycles' BSDF sampling finds no light.
+        found : (n,) whether Cycles' BSDF sampling may find the light.
 
         Returns
         -------
-        The share (n, 3), and the instance (n,) that passes an unknown share of it, -1 for none.
+        The share (n, 3), and the instance (n,) that passes an unknown share of it, -1 for none; the
+        share is then the most that may come through.
 
         Notes
         -----
         Cycles counts the surfaces that the camera's ray has passed, and takes one too many for
         opaque. Before Blender 5, and where none may be passed, its BSDF sampling, which with that
-        of lights makes up the whole, lets one more pass: there what comes through is not known,
-        but no more than all of it.
+        of lights makes up the whole, lets one more pass: there what comes through is not known.
         """
         share, unknown = np.ones((len(origins), 3)), np.full(len(origins), -1)
         rows = np.arange(len(origins))
@@ -79,11 +79,11 @@ class Transmission:
             surface = self._geometry.surface(hits.take(met), directions)
             passing = self.at(surface)
             known = self._known.take(surface.material)
-            if left == 0 and self._leaks:
-                known &= found.take(rows) * (share[rows] * passing).max(axis=1) <= LEAK
-            share[rows[known]] *= passing[known] * (left > 0)
-            doubt = rows[~known]
-            unknown[doubt] = np.where(unknown[doubt] < 0, surface.instance[~known], unknown[doubt])
+            leaking = known & found.take(rows) & (left == 0 and self._leaks)
+            passing[(left == 0) & ~leaking] = 0.0
+            share[rows[known]] *= passing[known]
+            open_, doubt = ~known | leaking, rows[~known | leaking]
+            unknown[doubt] = np.where(unknown[doubt] < 0, surface.instance[open_], unknown[doubt])
             going = np.flatnonzero(share.take(rows, axis=0).any(axis=1))
             if not len(going):
                 break
