@@ -351,9 +351,9 @@ class DirectLight:
         *,
         passed: int,
     ) -> tuple[Bools | Floats, Floats | None, list[Exclusion]]:
-        """Return how much of their sample the points `lit` see (k,), by channel, and what is open.
+        """Return visibilities V of samples at the points `lit`: (k,), by channel, and exclusions.
 
-        By channel, (k, 3), it is None where all see all or nothing.
+        V by channel, (k, 3), is None where nothing lets a part of the light pass.
         """
         if not emitter.light.cast_shadow:
             return np.ones(len(lit), dtype=bool), None, []
@@ -391,8 +391,8 @@ def _over(values: Floats, divisor: Floats) -> Floats:
 def _aimed(wi: Floats, distance: Floats, epsilon: Floats, lift: Floats) -> tuple[Floats, Floats]:
     """Return rays to the same targets from origins moved by `lift` (n, 3), and their ends (n,).
 
-    They are as long as what they reach for is far, so that it lies at 1, and end short of it; what
-    is infinitely far keeps its direction.
+    A ray's direction has the length of the distance, so that its target lies at 1, and it ends just
+    before that. Directions to what is infinitely far are kept.
     """
     if np.isinf(distance[0]):  # of a light, all are or none
         return wi, distance

@@ -3,9 +3,9 @@
 
 A pixel's samples are dealt to `STREAMS` independent low-discrepancy sequences in turn; the spread
 of the streams gives its variance. The first round goes to all pixels. Then, for a target error,
-the samples that remain are shared out as costs least: in proportion to a pixel's standard
-deviation, relative to its signal, as its neighbours tell it: were a pixel's own samples asked,
-those that met nothing bright would end it, and the mean would be too dark.
+further samples are shared out where they help most: in proportion to a pixel's standard deviation
+over its signal, estimated from its neighbours. Its own samples must not tell: pixels whose samples
+happen to miss what is bright would get no more of them, and the mean would be too dark.
 """
 
 from __future__ import annotations
