@@ -51,6 +51,7 @@ MAX_SAMPLES = MAX_POINTS
 ANOTHER_SEED = 0x10001  # between surfaces behind each other
 BEHIND = "Measured sockets behind transparent surfaces"
 DOUBT = 1e-4  # of a pixel's radiance: what may be wrong of it
+DARK = 0.05  # of the picture's mean: what counts for a pixel's radiance at least
 BLUR = 2  # times that doubts are averaged over 3×3 pixels
 EDGES = "Measured sockets on slivers"
 GROWTH = 4.0  # a pixel's samples grow at most so many times from one decision to the next
@@ -487,10 +488,12 @@ class _Run:
         `weight` is 1 over the number of samples. What may be missed by the samples of one pixel,
         slivers or rare ways of light, is told by those of its neighbours.
         """
+        radiance = np.maximum(radiance, DARK * radiance.mean() if len(radiance) else 0.0)
         found = {cause: np.full(len(self.place), np.inf) for cause in self.camera.unsupported}
         for cause, rows, doubt in self.excluded:
             found.setdefault(cause, np.zeros(len(self.place)))[rows] += doubt
-        return {c: self._blurred(doubt * weight) > DOUBT * radiance for c, doubt in found.items()}
+        masks = {c: self._blurred(doubt * weight) > DOUBT * radiance for c, doubt in found.items()}
+        return {cause: mask for cause, mask in masks.items() if mask.any()}
 
     def _blurred(self, values: Floats) -> Floats:
         """Return `values` (n,) averaged over neighbours, those that are infinite spread less."""
