@@ -76,10 +76,11 @@ def both_sides(
     ours: int = 64,
     seeds: int = 4,
     samples: int = 64,
+    per_light: bool = True,
 ) -> Sides:
     """Render the open scene with both, with fixed samples a pixel."""
     scene = read_scene(bpy.context.scene, shading=shading, resolution=size, ask=True)
-    film = render(scene, Settings(samples=ours, threads=2))
+    film = render(scene, Settings(samples=ours, threads=2, per_light=per_light))
     witness = CyclesWitness(bpy.context.scene, resolution=size, shading=shading, threads=2)
     witness.prepare()
     return Sides(scene, film, np.stack([witness.render(s + 1, samples) for s in range(seeds)]))
