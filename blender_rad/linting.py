@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .coincidence import coincident_faces
+from .direct import DirectLight
 from .errors import Finding, Severity
 from .film import Film
 from .inspection import light_notes
@@ -92,17 +94,21 @@ class Lint:
     def __getitem__(self, setting: str) -> Any:
         return self.settings[setting]
 
+    def small(self, **changed: Any) -> Scene:
+        """Return the `changed` scene with a small picture."""
+        own = self.scene.resolution
+        width, height = (max(1, side * SIDE // max(own)) for side in own)
+        return replace(self.scene, resolution=(width, height), border=None, **changed)
+
     def _picture(self, scene: Scene, samples: int, seconds: float | None = None) -> Film | None:
         if scene.camera is None:
             return None
-        width, height = (max(1, side * SIDE // max(scene.resolution)) for side in scene.resolution)
-        small = replace(scene, resolution=(width, height), border=None)
-        return render(small, Settings(samples, threads=self.threads, time_limit=seconds))
+        return render(scene, Settings(samples, threads=self.threads, time_limit=seconds))
 
     @cached_property
     def film(self) -> Film | None:
         """The scene as it is; None without a camera."""
-        return self._picture(self.scene, SAMPLES, SECONDS)
+        return self._picture(self.small(), SAMPLES, SECONDS)
 
     def without(self, **changed: Any) -> dict[str, float]:
         """Return what the scene as it is gives over the `changed` one [%], by light and in all.
@@ -111,7 +117,7 @@ class Lint:
         pictures are of the same samples: most noise goes where one is divided by the other.
         """
         taken = 0 if self.film is None else int(self.film.samples.min())
-        other = self._picture(replace(self.scene, **changed), taken) if taken else None
+        other = self._picture(self.small(**changed), taken) if taken else None
         if self.film is None or other is None:
             return {}
         kept = ~(self.film.excluded | other.excluded) & (self.film.samples == taken)
@@ -306,6 +312,17 @@ def _glass(lint: Lint) -> Iterator[Said]:
         said = f"glass ({', '.join(names[:3])}) stops direct light, which passes as caustics alone"
         remedy = "for light that passes straight switch off its shadow rays"
         yield Said(f"{said}, noisy, after bounces: {remedy}", effect, "warning")
+
+
+@rule("coincident-faces")
+def _coincident(lint: Lint) -> Iterator[Said]:
+    """Hold what such faces send to the camera against the whole: all of it may be lost."""
+    for cause, mask in coincident_faces(DirectLight(lint.small())).items():
+        total = 0.0 if lint.film is None else float(np.abs(lint.film.radiance).sum())
+        share = float(np.abs(lint.film.radiance[mask]).sum()) / total if lint.film and total else 0
+        said = f"{cause.feature}: rounding alone decides whether Cycles lights them"
+        remedy = "delete one of the two, or move them apart"
+        yield Said(f"{said}; {remedy}", -100.0 * share, "warning", cause.name)
 
 
 @rule("gltf-emission")

@@ -141,3 +141,12 @@ def test_glass_is_named_with_the_light_that_it_stops(tmp_path: Path, verb: str) 
     assert verb == "lint" or run.document["verdict"] == "agree"
     bpy.data.objects["Pane"].visible_shadow = False
     assert "glass-blocks-light" not in lint(save(tmp_path / "clear.blend"))[1]
+
+
+def test_faces_in_one_another_are_named_with_the_light_that_may_be_lost(tmp_path: Path) -> None:
+    """A second floor in the first one."""
+    quiet()
+    square("Double", 2.0)
+    _, found = lint(save(tmp_path / "double.blend"))
+    assert found["coincident-faces"]["object"] == "Double"
+    assert math.isclose(found["coincident-faces"]["effect_percent"], -100.0, abs_tol=1e-6)
