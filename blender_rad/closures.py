@@ -220,7 +220,7 @@ class Scattering:
         value, density = self._evaluated(sample.wi, reaches)
         weight = sample.weight
         if found:
-            weight = weight * _trust(sample.pdf, density)
+            weight = weight * trusted(sample.pdf, density)
         value *= weight[:, None]
         return value if sample.tint is None else value * sample.tint
 
@@ -249,7 +249,7 @@ class Scattering:
         if not len(met):
             return None
         value, density = self._evaluated(wi, reaches)
-        trust = np.divide(_trust(density, pdf), density, out=0.0 * density, where=density > 0.0)
+        trust = np.divide(trusted(density, pdf), density, out=0.0 * density, where=density > 0.0)
         finite = met[np.isfinite(distance[met])]
         if len(finite):
             way = pick(wi, finite) * distance[finite, None] + pick(self._lift, finite)
@@ -260,7 +260,7 @@ class Scattering:
         return LightSample(wi, distance, trust, density), value * radiance
 
 
-def _trust(own: Floats, other: Floats) -> Floats:
+def trusted(own: Floats, other: Floats) -> Floats:
     """Return own²/(own² + other²), (n,), of densities."""
     ratio = np.divide(other, own, out=np.zeros_like(own), where=own > 0.0)
     return 1.0 / (1.0 + np.minimum(ratio, 1e150) ** 2)

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .arrays import Bools, Floats, Ints
-from .closures import Scattering
+from .closures import Scattering, trusted
 from .crowds import Crowd
 from .emitters import Emitter, emitters
 from .lights import RAYS, LightSample
@@ -39,6 +39,7 @@ from .transparency import Transmission
 # Of the distance to a light: what lies nearer to it than this is the light.
 TARGET_SHORTENING = 1e-5
 MOST_SHARE = 2.0  # of what is foreseen of a crowd
+ASTRAY = "Not there for shadow rays as for others"
 DRAWN = -3  # number of the points that closures are sampled by
 
 
@@ -46,7 +47,8 @@ class Visibility:
     """Who hides what from whom: rays among a scene's instances by their ray visibility.
 
     Casters are `camera`, of what camera rays hit, `opaque`, of the instances `stopping` shadow rays
-    for certain, and `passing`, of those `letting` some of their light pass.
+    for certain, and `passing`, of those `letting` some of their light pass. `ghosts` are not there
+    for shadow rays as for those that Cycles sends from surfaces, `solid` is the rest of `opaque`.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -66,6 +68,15 @@ class Visibility:
         alike = seen == self.stopping
         self.opaque = self.camera if alike else Caster(meshes, instances, self.stopping)
         self.passing = Caster(meshes, instances, self.letting)
+        rays = RAYS if any(m.closures for m in scene.materials) else RAYS[:1]
+        ghosts = [
+            k
+            for k, i in enumerate(instances)
+            if len(meshes[i.mesh].triangles)
+            and any(getattr(i, f"visible_{ray}") != i.visible_shadow for ray in rays)
+        ]
+        self.ghosts = Caster(meshes, instances, ghosts)
+        self.solid = Caster(meshes, instances, [k for k in self.stopping if k not in ghosts])
 
     def cause(self, instance: int) -> Unsupported:
         """Return why light through the unknown `instance` cannot be followed."""
@@ -258,7 +269,8 @@ class DirectLight:
         reaching = self._reaching(emitter, asked, sample, None, glow, unlit=unlit)
         if reaching is not None:
             scattered = reaching.passed(glow)
-            yield Arrival(emitter, reaching.value, reaching.exclusions, scattered=scattered)
+            exclusions = [*reaching.exclusions, *self._astray(emitter, asked, sample, glow)]
+            yield Arrival(emitter, reaching.value, exclusions, scattered=scattered)
 
     def _from_crowd(self, number: int, crowd: Crowd, asked: _Asked) -> Iterator[Arrival]:
         """Yield the light of the crowd that `share` knows by that number."""
@@ -319,6 +331,10 @@ class DirectLight:
             most = None if rgb is None else reaching.passed(value[:, None] * rgb)[rows]
             shown = None if glow is None else reaching.passed(glow)[rows]
             exclusions[k] = Exclusion(rows, cause, most, shown)
+        if rgb is not None:
+            pdf = 0.0 * cosine if emitter.light.kind == "MESH" else sample.pdf
+            share = value * trusted(np.maximum(cosine, 0.0) / np.pi, pdf)
+            exclusions += self._astray(emitter, asked, sample, None, share[:, None] * rgb)
         if emitter.cause is not None:
             exclusions.append(Exclusion(lit[seen > 0.0], emitter.cause))
         return reaching
@@ -357,13 +373,7 @@ class DirectLight:
         """
         if not emitter.light.cast_shadow:
             return np.ones(len(lit), dtype=bool), None, []
-        wi, distance, epsilon = sample.wi, sample.distance, surface.epsilon
-        points = surface.point
-        if len(lit) < len(distance):
-            wi, distance, epsilon = pick(wi, lit), distance.take(lit), epsilon.take(lit)
-            points = pick(points, lit)
-        origins = self.geometry.shadow_origins(surface, wi, cosine, lit)
-        wi, reach = _aimed(wi, distance, epsilon, origins - points)
+        origins, wi, reach = self._rays(surface, sample, cosine, lit)
         opaque, transmission = self.links.blockers(emitter.light.name)
         seen = ~opaque.occluded(origins, wi, reach)
         if not transmission.caster.count:
@@ -380,6 +390,53 @@ class DirectLight:
         through = np.zeros((len(lit), 3))
         through[rows] = share
         return through.mean(axis=1), through, exclusions
+
+    def _rays(
+        self, surface: Surface, sample: LightSample, cosine: Floats, rows: Ints
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return origins, directions and ends of shadow rays to samples of the points `rows`."""
+        wi, distance, epsilon = sample.wi, sample.distance, surface.epsilon
+        points = surface.point
+        if len(rows) < len(distance):
+            wi, distance, epsilon = pick(wi, rows), distance.take(rows), epsilon.take(rows)
+            points = pick(points, rows)
+        origins = self.geometry.shadow_origins(surface, wi, cosine, rows)
+        return origins, *_aimed(wi, distance, epsilon, origins - points)
+
+    def _astray(
+        self,
+        emitter: Emitter,
+        asked: _Asked,
+        sample: LightSample,
+        glow: Floats | None,
+        irradiance: Floats | None = None,
+    ) -> list[Exclusion]:
+        """Return where objects are not the same for both ways in which Cycles samples lights.
+
+        What it samples by the surface of `irradiance` (n, 3), or sends on as `glow` (n, 3), is lost
+        at what throws no shadows, and found behind what throws nothing else.
+        """
+        visibility, shadows = self.visibility, emitter.light.cast_shadow
+        ghosts = visibility.ghosts if shadows else visibility.opaque
+        open_to = glow if irradiance is None else irradiance
+        if not ghosts.count or emitter.light.is_delta or open_to is None:
+            return []
+        cosine = dot(asked.surface.normal, sample.wi)
+        rows = np.flatnonzero(open_to.any(axis=1))
+        rays = self._rays(asked.surface, sample, cosine, rows)
+        hits = ghosts.intersect(*rays[:2])
+        crossed = hits.distance < rays[2]
+        if shadows:
+            crossed &= ~visibility.solid.occluded(*rays)
+        return [
+            Exclusion(
+                chosen := rows[crossed & (hits.instance == k)],
+                Unsupported("object", self.scene.instances[k].name, ASTRAY),
+                None if irradiance is None else irradiance[chosen],
+                None if irradiance is not None or glow is None else glow[chosen],
+            )
+            for k in np.unique(hits.instance[crossed])
+        ]
 
 
 def _over(values: Floats, divisor: Floats) -> Floats:

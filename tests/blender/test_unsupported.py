@@ -192,6 +192,27 @@ def test_it_is_named_and_left_out(name: str) -> None:
     assert film.excluded.any()
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda box: put(box, visible_shadow=False),
+        lambda box: put(box, visible_diffuse=False),
+        lambda box: put(bpy.data.lights["Area"], use_shadow=False),
+    ],
+    ids=["shadows of an object", "other rays of an object", "shadows of a large light"],
+)
+def test_what_is_there_for_some_rays_alone(change: Callable[[Any], None]) -> None:
+    """Cycles samples large lights by surfaces too, and by how much depends on it alone."""
+    box = stage()
+    lamp('AREA', (-0.5, -0.5, 2.2), size=2.0)
+    change(box)
+    film = render(
+        read_scene(bpy.context.scene, resolution=(16, 12)), Settings(samples=8, threads=1)
+    )
+    assert {cause.name for cause in film.excluded_by} == {"Box"}
+    assert 0.05 < film.excluded.mean() < 0.5
+
+
 @pytest.mark.feature("named, both at rest", area="Not supported", holds="left out")
 def test_motion_blur() -> None:
     stage()

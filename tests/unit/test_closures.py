@@ -110,7 +110,7 @@ def test_lights_and_closures_are_sampled_to_the_same_end(
     """Both together, and each alone."""
     built = made(shown, lit, flat=flat)
     both = seen(built, rng)
-    monkeypatch.setattr(closures, "_trust", lambda own, _: np.ones_like(own))
+    monkeypatch.setattr(closures, "trusted", lambda own, _: np.ones_like(own))
     with monkeypatch.context() as without:
         without.setattr(Scattering, "met", lambda *_: None)
         first = seen(built, rng)
