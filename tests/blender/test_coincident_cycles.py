@@ -37,3 +37,21 @@ def test_what_cycles_confuses_is_left_out(gap: float, at: float, hidden: bool) -
     assert excluded.any() == (gap < 1e-5)
     if gap == 0.0:
         assert wrong[excluded].mean() > 0.7
+
+
+def test_what_cycles_gives_a_doubled_wall_is_chance() -> None:
+    """Turned by a milliradian, which changes no more than a hundredth of its light."""
+    sums = []
+    for turn in (0.0, 1e-3):
+        empty_scene()
+        wall = polygons("Wall", *SQUARE)
+        for name in ("Wall", "Again"):
+            placed = {"location": (0.3, 0.2, 0.1), "rotation_euler": (1.2 + turn, turn, 0.4)}
+            add(name, wall, scale=(3, 2, 1), **placed)
+        look_at((0.3, 0.2, 0.1), (1, -6, 3), lens=60)
+        lamp('POINT', (1, -2, 3), shadow_soft_size=0.1)
+        sides = both_sides((24, 16), ours=32, seeds=2, samples=32)
+        sums.append((sides.film.radiance.sum(), sides.seeds[..., :3].sum()))
+    ours, theirs = np.divide(*sums)
+    assert abs(ours - 1.0) < 0.01
+    assert abs(theirs - 1.0) > 0.1
