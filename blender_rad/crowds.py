@@ -247,7 +247,7 @@ class Crowd:
         rows, count = np.arange(len(box)), near.shape[1]
         upto = np.cumsum(often, axis=1, dtype=float)
         at = (np.arange(PICKS)[:, None] + u) / PICKS * total
-        column = np.zeros(at.shape, dtype=np.int64)
+        column = np.zeros(at.shape, dtype=np.int8)
         for each in upto.T:
             column += each <= at
         left = np.clip((at - upto[:, -1]) / self._others.take(box), 0.0, 1.0 - 1e-9)
