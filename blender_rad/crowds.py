@@ -382,7 +382,7 @@ def _boxes_around(bounds: Floats) -> Caster:
 
 def _bounds(light: Light) -> tuple[Floats, Floats]:
     """Return the corners (3,) of what shines."""
-    plain = light.plain if isinstance(light, TexturedLight) else light
+    plain = _plain(light)
     if isinstance(plain, MeshLight):
         return plain.triangles.min(axis=(0, 1)), plain.triangles.max(axis=(0, 1))
     if isinstance(plain, AreaLight):
@@ -390,6 +390,10 @@ def _bounds(light: Light) -> tuple[Floats, Floats]:
         return plain.center - half, plain.center + half
     point = cast("PointLight", plain)
     return point.position - point.radius, point.position + point.radius
+
+
+def _plain(light: Light) -> Light:
+    return light.plain if isinstance(light, TexturedLight) else light
 
 
 def _alike(lights: Sequence[Light]) -> tuple[Ints, list[tuple[Light, str]], Floats]:
@@ -480,9 +484,11 @@ def gathered(light: DirectLight, scene: Scene, camera: Camera, *, per_light: boo
 
 
 def _can_join(emitter: Emitter) -> bool:
-    """Return whether it may be one of many; parallel beams, suns and the world may not."""
+    """Return whether it may be one of many; what has no place, and parallel beams, may not."""
     light = emitter.light
     known = emitter.cause is None and light.cast_shadow and light.reaches == RAYS
+    plain = _plain(light)
+    known &= isinstance(plain, MeshLight | AreaLight) or hasattr(plain, "position")
     return known and bool(np.isfinite(light.peak_radiant_intensity()).all() and light.rgb.any())
 
 

@@ -269,7 +269,9 @@ class DirectLight:
         reaching = self._reaching(emitter, asked, sample, None, glow, unlit=unlit)
         if reaching is not None:
             scattered = reaching.passed(glow)
-            exclusions = [*reaching.exclusions, *self._astray(emitter, asked, sample, glow)]
+            exclusions = reaching.exclusions
+            if self._may_stray(emitter):
+                exclusions = [*exclusions, *self._astray(emitter, asked, sample, glow)]
             yield Arrival(emitter, reaching.value, exclusions, scattered=scattered)
 
     def _from_crowd(self, number: int, crowd: Crowd, asked: _Asked) -> Iterator[Arrival]:
@@ -331,7 +333,7 @@ class DirectLight:
             most = None if rgb is None else reaching.passed(value[:, None] * rgb)[rows]
             shown = None if glow is None else reaching.passed(glow)[rows]
             exclusions[k] = Exclusion(rows, cause, most, shown)
-        if rgb is not None:
+        if rgb is not None and self._may_stray(emitter):
             pdf = 0.0 * cosine if emitter.light.kind == "MESH" else sample.pdf
             share = value * trusted(np.maximum(cosine, 0.0) / np.pi, pdf)
             exclusions += self._astray(emitter, asked, sample, None, share[:, None] * rgb)
@@ -403,6 +405,13 @@ class DirectLight:
         origins = self.geometry.shadow_origins(surface, wi, cosine, rows)
         return origins, *_aimed(wi, distance, epsilon, origins - points)
 
+    def _ghosts(self, emitter: Emitter) -> Caster:
+        """Return what casts rays against all that is not alike for all rays to a light."""
+        return self.visibility.ghosts if emitter.light.cast_shadow else self.visibility.opaque
+
+    def _may_stray(self, emitter: Emitter) -> bool:
+        return not emitter.light.is_delta and self._ghosts(emitter).count > 0
+
     def _astray(
         self,
         emitter: Emitter,
@@ -416,18 +425,16 @@ class DirectLight:
         What it samples by the surface of `irradiance` (n, 3), or sends on as `glow` (n, 3), is lost
         at what throws no shadows, and found behind what throws nothing else.
         """
-        visibility, shadows = self.visibility, emitter.light.cast_shadow
-        ghosts = visibility.ghosts if shadows else visibility.opaque
         open_to = glow if irradiance is None else irradiance
-        if not ghosts.count or emitter.light.is_delta or open_to is None:
+        if open_to is None:
             return []
         cosine = dot(asked.surface.normal, sample.wi)
         rows = np.flatnonzero(open_to.any(axis=1))
         rays = self._rays(asked.surface, sample, cosine, rows)
-        hits = ghosts.intersect(*rays[:2])
+        hits = self._ghosts(emitter).intersect(*rays[:2])
         crossed = hits.distance < rays[2]
-        if shadows:
-            crossed &= ~visibility.solid.occluded(*rays)
+        if emitter.light.cast_shadow:
+            crossed &= ~self.visibility.solid.occluded(*rays)
         return [
             Exclusion(
                 chosen := rows[crossed & (hits.instance == k)],
