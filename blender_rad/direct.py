@@ -75,8 +75,9 @@ class Visibility:
             if len(meshes[i.mesh].triangles)
             and any(getattr(i, f"visible_{ray}") != i.visible_shadow for ray in rays)
         ]
-        self.ghosts = Caster(meshes, instances, ghosts)
-        self.solid = Caster(meshes, instances, [k for k in self.stopping if k not in ghosts])
+        solid = [k for k in self.stopping if k not in ghosts]
+        self.ghosts = Caster(meshes, instances, ghosts) if ghosts != self.letting else self.passing
+        self.solid = Caster(meshes, instances, solid) if solid != self.stopping else self.opaque
 
     def cause(self, instance: int) -> Unsupported:
         """Return why light through the unknown `instance` cannot be followed."""
