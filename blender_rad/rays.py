@@ -42,6 +42,7 @@ _RAY_HIT = np.dtype(  # RTCRayHit16
     + [(name, *_NUMBERS) for name in ("primID", "geomID", "instID", "instPrimID")]
 )
 
+_DEVICE_FIELDS_BYTES = 8  # embreex's EmbreeDevice: a handle
 _SCENE_FIELDS_BYTES = 24  # embreex's EmbreeScene: a handle, a flag, a device
 _FAR = 1e37
 
@@ -66,7 +67,6 @@ def _embree() -> ctypes.CDLL:
     lib = _library()
     pointer, uint, size = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
     signatures: dict[str, tuple[Any, list[Any]]] = {
-        "rtcGetSceneDevice": (pointer, [pointer]),
         "rtcNewScene": (pointer, [pointer]),
         "rtcSetSceneFlags": (None, [pointer, uint]),
         "rtcCommitScene": (None, [pointer]),
@@ -113,9 +113,15 @@ def _library_path() -> Path:
 
 def embree_version() -> str:
     """Return Embree's version, such as '4.4.0'."""
+    return repr(_device()).rsplit(" ", 1)[-1]
+
+
+@functools.cache
+def _device() -> Any:
+    """Return embreex's device, one for all scenes: some 1 100 of them end a program."""
     from embreex.rtcore import EmbreeDevice
 
-    return repr(EmbreeDevice()).rsplit(" ", 1)[-1]
+    return _known(EmbreeDevice, _DEVICE_FIELDS_BYTES)()
 
 
 class Caster:
@@ -130,7 +136,7 @@ class Caster:
     def __init__(
         self, meshes: Sequence[Mesh], instances: Sequence[Instance], chosen: Sequence[int]
     ) -> None:
-        self._device, self._scene = _new_scene()
+        self._scene = _new_scene()
         self._handle = _handle(self._scene)
         self._own: list[int] = []  # scenes of shared meshes, to be released
         self.count = len(chosen)
@@ -156,7 +162,7 @@ class Caster:
         self, scene: int, vertices: NDArray[Any], triangles: NDArray[np.int32], number: int
     ) -> None:
         rtc = _embree()
-        geometry = rtc.rtcNewGeometry(rtc.rtcGetSceneDevice(scene), _TRIANGLE)
+        geometry = rtc.rtcNewGeometry(_handle(_device()), _TRIANGLE)
         padded = np.pad(vertices.astype(np.float32), ((0, _PADDING_VERTICES), (0, 0)))
         corners = np.ascontiguousarray(triangles, dtype=np.uint32)
         buffers = (_VERTEX_BUFFER, _FLOAT3, padded), (_INDEX_BUFFER, _UINT3, corners)
@@ -167,7 +173,7 @@ class Caster:
 
     def _attach_instance(self, mesh_scene: int, world_from_object: Floats, number: int) -> None:
         rtc = _embree()
-        geometry = rtc.rtcNewGeometry(rtc.rtcGetSceneDevice(self._handle), _INSTANCE)
+        geometry = rtc.rtcNewGeometry(_handle(_device()), _INSTANCE)
         rtc.rtcSetGeometryInstancedScene(geometry, mesh_scene)
         rows = np.ascontiguousarray(world_from_object[:3], dtype=np.float32)
         rtc.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_ROW, rows.ctypes.data)
@@ -182,7 +188,7 @@ class Caster:
 
     def _shared_scene(self, mesh: Mesh, number: int) -> int:
         rtc = _embree()
-        scene: int = rtc.rtcNewScene(rtc.rtcGetSceneDevice(self._handle))
+        scene: int = rtc.rtcNewScene(_handle(_device()))
         self._own.append(scene)
         rtc.rtcSetSceneFlags(scene, _ROBUST)
         self._attach_triangles(scene, mesh.vertices, mesh.triangles, number)
@@ -260,19 +266,22 @@ def transform_points(matrix: Floats, points: NDArray[Any]) -> Floats:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _new_scene() -> tuple[Any, Any]:
-    from embreex.rtcore import EmbreeDevice
+def _new_scene() -> Any:
     from embreex.rtcore_scene import EmbreeScene
 
-    if EmbreeScene.__basicsize__ != object.__basicsize__ + _SCENE_FIELDS_BYTES:
-        raise ImportError("this embreex lays out its scenes in a way that is not known here")
-    device = EmbreeDevice()
-    return device, EmbreeScene(device, robust=True)
+    return _known(EmbreeScene, _SCENE_FIELDS_BYTES)(_device(), robust=True)
 
 
-def _handle(scene: Any) -> int:
-    """Return the C handle that an embreex scene wraps: its first field."""
-    return ctypes.c_void_p.from_address(id(scene) + object.__basicsize__).value or 0
+def _known(wrapper: type[Any], fields_bytes: int) -> type[Any]:
+    """Return embreex's `wrapper`, whose first field is to be read; ImportError if it is another."""
+    if wrapper.__basicsize__ != object.__basicsize__ + fields_bytes:
+        raise ImportError(f"this embreex lays out its {wrapper.__name__} in a way not known here")
+    return wrapper
+
+
+def _handle(wrapper: Any) -> int:
+    """Return the C handle that an embreex scene or device wraps: its first field."""
+    return ctypes.c_void_p.from_address(id(wrapper) + object.__basicsize__).value or 0
 
 
 def _aligned_zeros(count: int, kind: np.dtype[Any]) -> NDArray[Any]:

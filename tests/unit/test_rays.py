@@ -74,3 +74,11 @@ def test_shared_mesh_is_stored_once(rng):
     columns = np.array([[3.0 * 42, 3.0 * 17, 9.0], [3.0 * 99, 0.0, 9.0]])
     hits = caster.intersect(columns, np.tile([0.0, 0.0, -1.0], (2, 1)))
     np.testing.assert_array_equal(hits.instance, [1742, 99])
+
+
+def test_casters_without_end():
+    """A device a scene, each with keys of threads' storage, ended the program at about 1 100."""
+    instances = [Instance("a", 0, np.eye(4), (0,)), Instance("b", 0, moved(z=1.0), (0,))]
+    ray = np.array([[0.1, 0.2, 3.0]]), np.array([[0.0, 0.0, -1.0]])
+    casters = [Caster([TETRAHEDRON], instances, [0, 1]) for _ in range(3000)]
+    assert {int(caster.intersect(*ray).instance[0]) for caster in casters} == {1}
