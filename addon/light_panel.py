@@ -322,7 +322,6 @@ def _add_menu(self: Any, _: bpy.types.Context) -> None:
     self.layout.operator("radiometric.luminaire", icon='LIGHT_SPOT')
 
 
-
 PROPERTIES = (
     (
         bpy.types.Scene,

@@ -240,7 +240,6 @@ def _add_menu(self: Any, _: bpy.types.Context) -> None:
     self.layout.menu(RADIOMETRIC_MT_meters.__name__, icon='LIGHT_SUN')
 
 
-
 _LIVE = BoolProperty(
     name="Live",
     description="Read again, beside your work, whenever the scene changes",

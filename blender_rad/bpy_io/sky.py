@@ -68,9 +68,7 @@ def measure_sky(bl_world: Any, frame: tuple[int, float]) -> tuple[SkyMap, ...]:
                 sky.sun_disc = True
 
 
-def measure_file(
-    file: str, name: str, frame: tuple[int, float], space: str, out: str
-) -> None:
+def measure_file(file: str, name: str, frame: tuple[int, float], space: str, out: str) -> None:
     """Measure a world of a file for another Blender: `maps_of` reads what `out` then holds."""
     if bpy.app.version >= (5, 0):
         operators: Any = bpy.ops.wm

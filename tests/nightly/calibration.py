@@ -181,9 +181,7 @@ def summary(tally: Tally) -> str:
         factor, error = np.array(known).T
         z, error = (factor - 1.0) / error, error.mean() / len(error) ** 0.5
         spread = np.std(z, ddof=1)
-        lines.append(
-            f"{name:12}{factor.mean() - 1:18.1e}{error:11.1e}{z.mean():8.2f}{spread:6.2f}"
-        )
+        lines.append(f"{name:12}{factor.mean() - 1:18.1e}{error:11.1e}{z.mean():8.2f}{spread:6.2f}")
     return "\n".join(lines)
 
 
