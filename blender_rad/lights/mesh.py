@@ -15,7 +15,15 @@ to find. To points on itself a triangle sends nothing. Each face emits πLA, so 
 mesh half of that hits its own inside and `leaving_flux` is the rest. Up to 64 triangles are summed
 in closed form at points that see all of them from the same face: elsewhere they hide each other,
 and the sum tells little. Samples pick triangles by area, textured ones half by area and half by the
-power that a few points in each let expect, and their density is that of the triangle picked alone.
+power that a few points in each let expect: with the chance q_i, a point at the distance r gets
+
+    p = q_i r²/(A_i |cosθ_i|)  [1/sr]
+
+of the triangle picked alone. Next to it L/p ~ 1/r² has no bound. So a share β of samples goes by
+cosθ/π over the hemisphere, and their density is (1 - β) p + β cosθ/π, of the first triangle in that
+direction: what lies behind it is hidden anyway. β is half of what the mesh may cover of the view,
+min(1, Σ A/π(d² + s²)) over up to `BOXES` boxes of triangles of the area A, at the distance d, with
+half a diagonal s; and 0 below `FAR_SHARE`, and where a mesh does not hide what lies behind.
 Flux and intensity of textured ones are means over these points. The radiance is the same in both
 models.
 """
@@ -46,6 +54,8 @@ SURFACE = 1e-5  # rays start so far off it, in units of the root of its area
 PAIRS = 1 << 20  # ray-triangle pairs at once: 8 MB an array
 TRIED, MOST_TRIED, FEWEST_TRIED = 1 << 16, 1024, 4  # points of a texture: of all, of a triangle
 EVENLY = 0.5  # of a texture's samples go by area
+BOXES, FAR_SHARE = 16, 0.005
+LIFT = 1e-4  # of the root of the area: rays from the mesh itself start so far off it
 
 Texture = Callable[[NDArray[np.int64], Array, Array], Array]
 
@@ -120,34 +130,82 @@ class MeshLight(Light):
         share = self._areas / (self._area or 1.0)
         if power.any():
             share = EVENLY * share + (1.0 - EVENLY) * power / power.sum()
-        return np.cumsum(share)
+        upto: Array = np.cumsum(share)
+        return upto / upto[-1]
+
+    @cached_property
+    def _boxes(self) -> tuple[Array, Array, Array]:
+        """Boxes of neighbours: centres and half sizes (k, 3), areas over π (k,)."""
+        middle = self.triangles.mean(axis=1)
+        parts = [np.arange(len(middle))]
+        while len(parts) < min(BOXES, len(middle)):
+            widest = max(range(len(parts)), key=lambda k: float(np.ptp(middle[parts[k]], 0).max()))
+            own = parts.pop(widest)
+            along = middle[own, np.argmax(np.ptp(middle[own], axis=0))]
+            parts += np.array_split(own[np.argsort(along)], 2)
+        corners = [self.triangles[own].reshape(-1, 3) for own in parts if len(own)]
+        low, high = (np.array([f(each, axis=0) for each in corners]) for f in (np.min, np.max))
+        areas = np.array([self._areas[own].sum() for own in parts if len(own)])
+        return (low + high) / 2.0, (high - low) / 2.0, areas / np.pi
+
+    def _turned(self, points: Array) -> Array:
+        """Return β at points (n, 3), the share of samples that go by the cosine, (n,)."""
+        cover = np.zeros(len(points))
+        for centre, half, area in zip(*(self._boxes if self.solid else ()), strict=True):
+            squared = np.full(len(points), half @ half)
+            for x, middle, reach in zip(points.T, centre, half, strict=True):
+                squared += np.maximum(np.abs(x - middle) - reach, 0.0) ** 2
+            cover += area / np.maximum(squared, geometry.TINY)
+        share = np.minimum(cover, 1.0) / 2.0
+        return np.where(share < FAR_SHARE, 0.0, share)
 
     def sample(self, points: Array, normals: Array, u: Array) -> LightSample:
         total = self._area
         if total == 0.0:
             nothing = np.zeros(len(points))
             return LightSample(normals.copy(), nothing, nothing, nothing)
-        position, i, uv, density = self._place(u)
+        turned = self._turned(points)
+        first = (u[:, 0] - turned) / (1.0 - turned)
+        position, i, uv, density = self._place(np.stack([np.maximum(first, 0.0), u[:, 1]], axis=1))
+        rows = np.flatnonzero(first < 0.0)
+        if len(rows):
+            again = np.stack([u[rows, 0] / turned[rows], u[rows, 1]], axis=1)
+            wi, _ = geometry.sample_hemisphere(normals[rows], again)
+            lifted = points[rows] + LIFT * np.sqrt(total) * normals[rows]
+            distance, i[rows], uv[:, rows] = self._find(lifted, wi)
+            met = (distance > 10.0 * LIFT * np.sqrt(total)) & np.isfinite(distance)
+            position[rows] = lifted + np.where(met, distance, 1.0)[:, None] * wi
+            density[rows] = np.where(met, self._density_on[i[rows]], np.inf)
         wi = position - points
         squared = np.maximum(geometry.dot(wi, wi), geometry.TINY)
         distance = np.sqrt(squared)
         tint = None if self.texture is None else self.texture(i, uv, -wi)
         wi /= distance[:, None]
-        cos = np.abs(geometry.dot(self._normals[i], wi)) / (2.0 * self._areas[i])
-        weight = cos / (density * squared)
+        angle = np.abs(geometry.dot(self._normals[i], wi)) / (2.0 * self._areas[i] * squared)
+        by_cosine = turned * np.maximum(geometry.dot(normals, wi), 0.0) / np.pi
+        weight = angle / ((1.0 - turned) * density + by_cosine * angle)
         return LightSample(wi, distance, weight, 1.0 / np.maximum(weight, geometry.TINY), tint)
+
+    @cached_property
+    def _chances(self) -> Array:
+        """Chances (m,) of triangles to be picked by area."""
+        return np.diff(self._cumulative, prepend=0.0)
+
+    @cached_property
+    def _density_on(self) -> Array:
+        """Density (m,) [1/bu²] of points picked by area."""
+        return self._chances / np.maximum(self._areas, geometry.TINY)
 
     def _place(self, u: Array) -> tuple[Array, NDArray[np.int64], Array, Array]:
         """Return positions (n, 3), their triangles (n,), places (2, n) and densities [1/bu²]."""
-        at = u[:, 0] * self._cumulative[-1]
+        at = u[:, 0]
         i = np.minimum(np.searchsorted(self._cumulative, at, side="right"), len(self.triangles) - 1)
-        chance = np.diff(self._cumulative, prepend=0.0)[i]
-        left = np.clip(1.0 - (self._cumulative[i] - at) / chance, 0.0, 1.0)
+        left = np.clip(1.0 - (self._cumulative[i] - at) / self._chances[i], 0.0, 1.0)
         root = np.sqrt(left)
         a, b, c = (self.triangles[i, corner] for corner in range(3))
         s, t = 1.0 - root, root * u[:, 1]
         position = a + s[:, None] * (b - a) + t[:, None] * (c - a)
-        return position, i, np.stack([s, t]), chance / self._areas[i]
+        return position, i, np.stack([s, t]), self._density_on[i]
 
     def irradiance(self, points: Array, normals: Array) -> Array | None:
         if self.texture is not None or len(self.triangles) > CLOSED_FORM_TRIANGLES:
@@ -169,28 +227,33 @@ class MeshLight(Light):
 
     def look(self, points: Array, normals: Array, wi: Array) -> tuple[Array, Array, Array]:
         distance, radiance, i = self._look(points, wi)
-        chance = np.diff(self._cumulative, prepend=0.0) / self._cumulative[-1]
         facing = np.maximum(np.abs(geometry.dot(self._normals[i], wi)), geometry.TINY)
-        return distance, radiance, 2.0 * chance[i] * distance**2 / facing
+        by_area = self._density_on[i] * 2.0 * self._areas[i] * distance**2 / facing
+        turned = self._turned(points)
+        by_cosine = np.maximum(geometry.dot(normals, wi), 0.0) / np.pi
+        return distance, radiance, (1.0 - turned) * by_area + turned * by_cosine
 
     def _look(self, origins: Array, directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
         """Return `intersect` and the triangles (n,) that are met."""
-        n = len(origins)
-        distance, i, uv = np.full(n, np.inf), np.zeros(n, dtype=np.int64), np.zeros((2, n))
-        many = len(self.triangles) > CLOSED_FORM_TRIANGLES
-        find = self._nearest_of_many if many else self._nearest
-        batch = n if many else max(PAIRS // len(self.triangles), 1)
-        for start in range(0, n, max(batch, 1)):
-            part = slice(start, start + batch)
-            distance[part], i[part], uv[:, part] = find(origins[part], directions[part])
+        distance, i, uv = self._find(origins, directions)
         hit = np.flatnonzero(np.isfinite(distance))
         if self.texture is None:
-            radiance = np.zeros(n)
+            radiance = np.zeros(len(origins))
             radiance[hit] = 1.0
             return distance, radiance, i
-        radiance = np.zeros((n, 3))
+        radiance = np.zeros((len(origins), 3))
         radiance[hit] = self.texture(i[hit], uv[:, hit], -directions[hit] * distance[hit, None])
         return distance, radiance, i
+
+    def _find(self, origins: Array, directions: Array) -> tuple[Array, NDArray[np.int64], Array]:
+        """Return distance (n,), triangle (n,) and place (2, n) of rays' first hits."""
+        if len(self.triangles) > CLOSED_FORM_TRIANGLES:
+            return self._nearest_of_many(origins, directions)
+        batch = max(PAIRS // len(self.triangles), 1)
+        starts = range(0, max(len(origins), 1), batch)
+        found = [self._nearest(origins[k : k + batch], directions[k : k + batch]) for k in starts]
+        distance, i, uv = zip(*found, strict=True)
+        return np.concatenate(distance), np.concatenate(i), np.concatenate(uv, axis=1)
 
     def _nearest_of_many(
         self, origins: Array, directions: Array
