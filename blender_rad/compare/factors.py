@@ -24,19 +24,23 @@ _RIDGE = 1e-9
 
 
 def model_weights(cells: Cells, pools: Pools) -> Floats:
-    """Return the weight of each cell sum, (r or 1, ch, cw, 3): 1 / (n (a + b·ours + c·seen)).
+    """Return the weight of each cell sum, (r or 1, ch, cw, 3): 1/(n (a + b·x + e·x² + c·(…))).
 
     A weight taken from the very samples that it weighs prefers those that came out dark and quiet.
-    So a and b are two numbers for the whole picture, from the medians of the tiles' spread in its
-    darker and its brighter half, and `ours` is the mean of the 16×16 tile, which hardly knows the
-    noise of one cell of ours. What the camera sees directly is added as it is: a few pixels on the
-    edge of an emitter may hold most of a picture's noise, since each sample meets it or misses it,
-    with variance L p (1 − p) L ≤ L·seen. So may the hot spots of lights that almost touch surfaces:
-    c times the square of what exceeds `HOT` times the tile's mean is added too. Here c takes a
-    sample for as noisy, relative to its mean squared, as it is in the median tile.
+    So all but x, the mean of ours in the 16×16 tile, are numbers of the whole picture, from the
+    noise v of witness and ours in its tiles: a and b from the medians of its darker and brighter
+    half, e from the median of (v − a − b·x)/x² in those that hold the brighter half of the light:
+    beside glowing meshes the noise grows as the light itself.
+
+    What the camera sees directly is added as it is: a few pixels on the edge of an emitter may hold
+    most of a picture's noise, since each sample meets it or misses it, with variance
+    L p (1 − p) L ≤ L·seen. So may the hot spots of lights that almost touch surfaces: c times the
+    square of what exceeds `HOT` times the tile's mean is added too. Here c takes a sample for as
+    noisy, relative to its mean squared, as it is in the median tile.
     """
-    scale, variance = pools.tiles.scale, pools.tiles.witness_variance * pools.pixels
-    a, b, c = 0.0, 0.0, 0.0
+    scale = pools.tiles.scale
+    variance = pools.tiles.error**2 * pools.pixels
+    a, b, c, e = 0.0, 0.0, 0.0, 0.0
     if len(scale):
         bright = scale > np.median(scale)
         halves = [bright, ~bright] if bright.any() else [~bright, ~bright]
@@ -44,6 +48,10 @@ def model_weights(cells: Cells, pools: Pools) -> Floats:
         b = max((v1 - v0) / (x1 - x0), 0.0) if x1 > x0 else 0.0
         a = max(v0 - b * x0, 0.0)
         c = float(np.median(variance) / np.median(scale) ** 2)
+        order = np.argsort(-scale, kind="stable")
+        x, v = scale[order], variance[order]
+        lit = np.cumsum(x) - x < 0.5 * x.sum()
+        e = float(np.median(np.maximum(v - a - b * x, 0.0)[lit] / x[lit] ** 2))
     a = max(a, b * 0.01 * float(pools.frame.scale.mean()), np.finfo(float).tiny ** 0.5)
     total = cells.counts.max(axis=0)
     number, ours = np.maximum(total, 1.0), np.abs(cells.ours)
@@ -51,7 +59,8 @@ def model_weights(cells: Cells, pools: Pools) -> Floats:
     spread = spread_out(mean, ours.shape)
     seen = np.abs(cells.seen) / number
     hot = np.maximum(ours / number - HOT * spread, 0.0)
-    weight = 1.0 / (number * (a + b * spread + c * (seen.max() * seen + hot**2)))
+    noise = a + b * spread + e * spread**2 + c * (seen.max() * seen + hot**2)
+    weight = 1.0 / (number * noise)
     return weight / weight.max() * (cells.counts > 0)
 
 
