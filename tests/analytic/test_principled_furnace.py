@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from blender_rad.bsdfs import Inputs, Mixture, lobes
-from blender_rad.bsdfs.principled import emitted
 
 KIND = "ShaderNodeBsdfPrincipled"
 POINTS = 4096  # on a lattice, through the lobes' own sampling
@@ -53,29 +52,3 @@ def albedo(case: dict[str, float], cosine: float) -> float:
 @pytest.mark.parametrize("case", CASES)
 def test_nothing_is_won_and_little_lost(case, cosine):
     assert -LOST < albedo(CASES[case], cosine) - 1.0 < 1e-3
-
-
-def test_where_cycles_wins_light():
-    """Below an index of 1 by the tables of its inverse, with smooth gloss between their nodes."""
-    assert 1.5 < albedo({"IOR": 0.7}, 0.5) < 1.8
-    assert 1.02 < albedo({"Roughness": 0.1}, 0.05) < 1.05
-
-
-def test_glass_wins_light_where_no_sample_of_it_goes():
-    """Facets that face away refract what is sent from lights, as in Cycles."""
-    case, n, place = {"Transmission Weight": 1.0}, 1 << 16, np.arange(1 << 16)
-    z, turn = 1.0 - (2.0 * place + 1.0) / n, 2.0 * np.pi * GOLDEN * place
-    level = np.sqrt(1.0 - z**2)
-    directions = np.stack([level * np.cos(turn), level * np.sin(turn), z], axis=1)
-    value, _ = Mixture.of(lobes(KIND, white(case, 0.2, n))).evaluate(directions)
-    assert 1.1 < 4.0 * np.pi * np.mean(value[:, 0]) < 1.35
-    assert abs(albedo(case, 0.2) - 1.0) < 2e-3
-
-
-def test_emission_is_dimmed_by_what_covers_it():
-    """By the albedo of the sheen and of the coat at normal incidence, 4 % of a smooth one."""
-    half = {"Alpha": 0.5, "Coat Weight": 1.0, "Coat Roughness": 0.0, "Coat Tint": 0.25}
-    assert np.allclose(emitted(white(half, 1.0)), 0.5 * 0.96 * 0.25, rtol=1e-3)
-    assert np.array_equal(emitted(white({}, 0.3)), np.ones((POINTS, 3)))
-    sheen = {"Sheen Weight": 1.0, "Sheen Roughness": 1.0}
-    assert np.allclose(emitted(white(sheen, 0.0)), 1.0 - 0.75, atol=2e-3)
