@@ -281,19 +281,6 @@ def test_closed_forms_by_brute_force(light):
 # --- the two models, and what a record says
 
 
-def test_models_differ_by_unit_scale_squared():
-    """Three metres are 300 bu at 0.01 m: over real metres E = P/(4π 3²)."""
-    matrix = moved(z=300.0)
-    for properties in ({}, {"shadow_soft_size": 10.0, "use_soft_falloff": False}):
-        wanted = {"energy": 7.0, **properties}
-        physical = lit('POINT', matrix, 0.01, model="physical", **wanted)
-        expected = 7.0 / (4.0 * np.pi * 9.0)
-        assert irradiance(physical, ORIGIN, UP) == pytest.approx(expected)
-        cycles = lit('POINT', matrix, 0.01, **wanted)
-        assert irradiance(cycles, ORIGIN, UP) == pytest.approx(1e-4 * expected)
-        assert physical.radiant_flux()[0] * 0.01**2 == pytest.approx(7.0)
-
-
 def test_colour_exposure_temperature_and_nodes_multiply():
     light = lit(
         'POINT', energy=2.0, exposure=1.0, color=(1.0, 0.5, 0.0), use_temperature=True,
