@@ -15,7 +15,7 @@ from blender_rad.lights.area import AreaLight
 from blender_rad.lights.point import PointLight
 from blender_rad.rendering import CancelledError, Settings, render
 from blender_rad.scene import Camera, Instance, Material, Scene, Unsupported, World
-from tests.handmade import GREY, ball, camera_above, moved, scene, square
+from tests.handmade import GREY, ball, moved, scene, square
 
 HAIR = Unsupported("object", "hair", "hair")
 FUR = Material("fur", opaque=False, unsupported=(HAIR,))
@@ -127,15 +127,6 @@ def test_a_border_is_its_part_of_the_whole_on_any_threads():
         image, full = getattr(part, name), getattr(whole, name)
         np.testing.assert_array_equal(image[inside], full[inside])
         assert not image[~inside].any()
-
-
-@pytest.mark.parametrize("clear", [False, True])
-def test_background_shows_or_is_transparent(clear):
-    made = balls(world=SKY, camera=camera_above(half_width=20.0), film_transparent=clear)
-    film = shot(made, samples=8)
-    np.testing.assert_allclose(film.radiance[0, 0], np.multiply(SKY.radiance, not clear))
-    assert film.alpha[0, 0] == (not clear) and film.alpha[MIDDLE] == 1.0
-    assert np.isinf(film.depth[0, 0])
 
 
 def test_clipped_and_hidden_things_are_not_seen_and_depth_is_in_metres():
