@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -65,13 +65,22 @@ def aimed(placed: Any, location: Any, towards: Any) -> Any:
     return placed
 
 
-def collection(name: str, *objects: tuple[str, Any]) -> Any:
-    """Add a collection of new objects, each a name and its data; return it."""
-    created = bpy.data.collections.new(name)
-    for each in objects:
-        created.objects.link(bpy.data.objects.new(*each))
-    bpy.context.scene.collection.children.link(created)
+def gathered(name: str, *members: Any, shown: bool = False) -> Any:
+    """Move objects of the scene into a new collection, which is shown by itself, or not."""
+    created, top = bpy.data.collections.new(name), bpy.context.scene.collection
+    for member in members:
+        top.objects.unlink(member)
+        created.objects.link(member)
+    if shown:
+        top.children.link(created)
     return created
+
+
+def instanced(places: Iterable[Any], *members: Any) -> list[Any]:
+    """Show objects of the scene at places instead of at their own; return the empties there."""
+    source = gathered("Source", *members)
+    shown = {"instance_type": 'COLLECTION', "instance_collection": source}
+    return [add(f"Host {k}", location=place, **shown) for k, place in enumerate(places)]
 
 
 def with_nodes(block: Any) -> Any:

@@ -38,7 +38,7 @@ from .promised import (
     strict,
     tree,
 )
-from .reading import CUBE, add, light, polygons, put
+from .reading import CUBE, add, instanced, light, polygons, put
 
 FILES = {"report.html", "report.json", "ours.exr", "cycles.exr", "difference.exr"}
 NAME = "<b>'Lámp☀\" & co"
@@ -104,13 +104,8 @@ def room() -> None:
 
 
 def instances() -> None:
-    lamps = bpy.data.collections.new("Lamps")
     bulb = light('POINT', "Bulb", energy=30.0, shadow_soft_size=0.0)
-    lamps.objects.link(bulb)
-    bpy.context.scene.collection.objects.unlink(bulb)
-    for x in (-1.0, 0.0, 1.0):
-        empty = add(f"Empty {x}", location=(x, 0, 2))
-        empty.instance_type, empty.instance_collection = 'COLLECTION', lamps
+    instanced([(x, 0, 2) for x in (-1.0, 0.0, 1.0)], bulb)
 
 
 def grey() -> None:

@@ -19,8 +19,9 @@ from .reading import (
     CUBE,
     add,
     added,
-    collection,
+    gathered,
     geometry_nodes,
+    instanced,
     light,
     material,
     node,
@@ -78,13 +79,8 @@ def emitter(copies: int = 1, **properties: Any) -> None:
 def instanced_emitter() -> None:
     """One emitting object, instanced by a collection three times over."""
     stage()
-    source = bpy.data.collections.new("Lamps")
     panel = square("Square", glow(), scale=(0.25, 0.35, 1), rotation_euler=(0.4, 0.2, 0))
-    bpy.context.scene.collection.objects.unlink(panel)
-    source.objects.link(panel)
-    for k in range(3):
-        host = add(f"Host {k}", location=(k - 1.2, 0.2 * k, 1.7))
-        host.instance_type, host.instance_collection = 'COLLECTION', source
+    instanced([(k - 1.2, 0.2 * k, 1.7) for k in range(3)], panel)
 
 
 def emitter_under_ceiling() -> None:
@@ -158,13 +154,8 @@ def instances() -> None:
     """Collections with a lamp in them, children of vertices, instances of geometry nodes."""
     on_box(visible_camera=False)
     bulb = light('POINT', "Bulb", energy=5, shadow_soft_size=0, location=(0, -0.3, 0.9))
-    source = bpy.data.collections.new("Source")
-    for member in (bulb, square("Part", scale=(0.2, 0.3, 1), rotation_euler=(0.7, 0.1, 0))):
-        bpy.context.scene.collection.objects.unlink(member)
-        source.objects.link(member)
-    for k in range(3):
-        host = add(f"Host {k}", location=(k - 1.4, -0.5, 0.5 + 0.1 * k))
-        host.instance_type, host.instance_collection = 'COLLECTION', source
+    part = square("Part", scale=(0.2, 0.3, 1), rotation_euler=(0.7, 0.1, 0))
+    instanced([(k - 1.4, -0.5, 0.5 + 0.1 * k) for k in range(3)], bulb, part)
     for shows, place in ((False, (-1, 1, 1)), (True, (1, 1, 0.6))):
         parent = square("Parent", location=place, scale=(0.5,) * 3)
         add("Child", polygons("Child", *CUBE), parent=parent, scale=(0.2, 0.3, 0.2))
@@ -201,10 +192,8 @@ def hidden() -> None:
         for k in range(5)
     ]
     squares[0].hide_render = squares[1].hide_viewport = True
-    for k, name in ((2, "Hidden"), (3, "Out")):
-        bpy.context.scene.collection.objects.unlink(squares[k])
-        collection(name).objects.link(squares[k])
-    bpy.data.collections["Hidden"].hide_render = True
+    gathered("Hidden", squares[2], shown=True).hide_render = True
+    gathered("Out", squares[3], shown=True)
     bpy.context.view_layer.layer_collection.children["Out"].exclude = True
     rays = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
     put(squares[4], **{f"visible_{ray}": False for ray in rays})

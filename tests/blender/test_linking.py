@@ -18,7 +18,7 @@ from blender_rad.bpy_io.read import read_scene
 from blender_rad.meters import LuxMeter
 
 from .agreement import FINE, PICTURE, agrees, both_sides, cases, glow, lamp, square, stage
-from .reading import CUBE, add, material, polygons
+from .reading import CUBE, add, instanced, material, polygons
 
 FEATURE = pytest.mark.feature(PICTURE, area="Light linking")
 WIDE = {'POINT': {"shadow_soft_size": 0.3}, 'AREA': {"size": 0.8}, 'SUN': {"angle": 0.2}}
@@ -81,17 +81,11 @@ def glossy() -> None:
     linked(light, "blocker", other, include=False)
 
 
-def instanced() -> None:
+def of_instances() -> None:
     """Instances are linked as what instances them, where that is named; lights by their own."""
     _, box, other = boxes()
     light = key('POINT')
-    source = bpy.data.collections.new("Source")
-    for member in (other, light):
-        bpy.context.scene.collection.objects.unlink(member)
-        source.objects.link(member)
-    hosts = [add(f"Host {k}", location=(0.9 * k, 0.1, 0)) for k in range(2)]
-    for host in hosts:
-        host.instance_type, host.instance_collection = 'COLLECTION', source
+    hosts = instanced([(0.9 * k, 0.1, 0) for k in range(2)], other, light)
     linked(light, "receiver", hosts[1], box, include=False)
     linked(light, "blocker", hosts[0])
 
@@ -106,7 +100,7 @@ CASES: dict[str, Callable[[], None]] = {
     "area-blockers-included": partial(one, "blocker", 'AREA', True),
     "receivers-and-blockers": both_kinds,
     "emitting-mesh": glows,
-    "instances": instanced,
+    "instances": of_instances,
     "glossy": glossy,
 }
 QUICK = ("receivers-included", "blockers-excluded", "emitting-mesh", "instances")

@@ -75,10 +75,10 @@ def test_grid_object_hidden_and_turned(tmp_path: Path) -> None:
     stage()
     point("Lamp", (5.0, 0.0, 1.0), 100.0)
     corners = [(-2, -0.5, 0), (2, -0.5, 0), (2, 0.5, 0), (-2, 0.5, 0)]
-    task = bpy.data.objects.new("Task", reading.polygons("Task", corners, [(0, 1, 2, 3)]))
+    task = reading.add("Task", reading.polygons("Task", corners, [(0, 1, 2, 3)]))
     parent = reading.add("Parent", location=(4.0, 0.0, 1.0))
     task.parent, task.scale, task.rotation_euler = parent, (0.5, 1, 1), (0, math.pi / 2, 0)
-    reading.collection("Away").objects.link(task)
+    reading.gathered("Away", task, shown=True)
     bpy.context.view_layer.layer_collection.children["Away"].exclude = True
     file = save(tmp_path / "task.blend")
     found = blender_rad.measure(file, grid="Task", spacing=0.5, margin=0.25, maintenance_factor=0.8)

@@ -29,7 +29,7 @@ from .agreement import (
     square,
     stage,
 )
-from .reading import material, node, world
+from .reading import gathered, material, node, world
 
 SKY = {"Color": (0.3, 0.4, 0.6, 1)}
 FLOOR = 0.8  # albedo
@@ -115,11 +115,7 @@ def layer(flag: str) -> None:
     """The stage's box and a lamp that shows in a collection with a flag of the layer."""
     seen = {"size": 0.7, "visible_camera": True}
     members = lit(), lamp('AREA', (-1, 0.3, 1.4), (0.5, -6, 3), **seen)
-    made = bpy.data.collections.new("Made")
-    bpy.context.scene.collection.children.link(made)
-    for each in members:
-        made.objects.link(each)
-        bpy.context.scene.collection.objects.unlink(each)
+    gathered("Made", *members, shown=True)
     setattr(bpy.context.view_layer.layer_collection.children["Made"], flag, True)
 
 
