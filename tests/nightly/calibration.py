@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from blender_rad.bpy_io.open import open_scene
@@ -28,6 +27,7 @@ from blender_rad.bpy_io.read import read_scene
 from blender_rad.bpy_io.witness import CyclesWitness
 from blender_rad.checking import Check, Result, Terms, Witness
 from blender_rad.compare.result import MIN_ENERGY
+from tests.blender.reading import CUBE, SQUARE, add, camera, empty_scene, light, material, polygons
 
 STRONGER = 1.02
 SEEDS_A_CHECK = 1000  # more than one check can buy
@@ -43,31 +43,15 @@ LIGHTS: dict[str, tuple[tuple[float, float, float], dict[str, Any]]] = {
 
 def build() -> Any:
     """Build the scene and return its bpy.types.Scene."""
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.ops.mesh.primitive_plane_add(size=8)
-    for x, y, side in ((-0.6, 0.2, 0.5), (0.9, -0.1, 0.4)):
-        bpy.ops.mesh.primitive_cube_add(size=side, location=(x, y, side / 2))
-    grey = bpy.data.materials.new("Grey")
-    if grey.node_tree is None:
-        grey.use_nodes = True
-    tree = grey.node_tree
-    tree.nodes.clear()
-    output, diffuse = map(tree.nodes.new, ('ShaderNodeOutputMaterial', 'ShaderNodeBsdfDiffuse'))
-    diffuse.inputs["Color"].default_value = (0.7, 0.7, 0.7, 1.0)
-    tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
-    for mesh in bpy.data.meshes:  # Lambert: from Blender 5, what has no material is Principled
-        mesh.materials.append(grey)
+    bl_scene, grey = empty_scene(), material("Grey", "BsdfDiffuse", Color=(0.7,) * 3)
+    add("Floor", polygons("Floor", *SQUARE, grey), scale=(4, 4, 1))
+    for x, y, half in ((-0.6, 0.2, 0.25), (0.9, -0.1, 0.2)):
+        add("Box", polygons("Box", *CUBE, grey), location=(x, y, half), scale=(half,) * 3)
     for kind, (place, properties) in LIGHTS.items():
         turned = (0.6, 0.5, 0.0) if kind == 'SUN' else (0.0, 0.0, 0.0)
-        bpy.ops.object.light_add(type=kind, location=place, rotation=turned)
-        light = bpy.context.object
-        light.name = kind.title()
-        for key, value in properties.items():
-            setattr(light.data, key, value)
-    bpy.ops.object.camera_add(location=(0, -3.4, 3.4), rotation=(0.78, 0, 0))
-    bpy.context.scene.camera = bpy.context.object
-    bpy.context.scene.render.engine = 'CYCLES'
-    return bpy.context.scene
+        light(kind, kind.title(), location=place, rotation_euler=turned, **properties)
+    camera(location=(0, -3.4, 3.4), rotation_euler=(0.78, 0, 0))
+    return bl_scene
 
 
 @dataclass
