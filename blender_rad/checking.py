@@ -15,8 +15,8 @@ from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats, Singles
 from .coincidence import coincident_faces, left_out
 from .compare import Comparison, LightInfo, judge, judge_pictures
 from .direct import DirectLight
@@ -27,7 +27,7 @@ from .progress import bar
 from .rendering import Settings, render
 from .scene import Scene
 
-Pictures = NDArray[np.float32]
+Pictures = Singles
 
 FIRST_SEEDS = 16  # with 8, one error bar in 50 is missed by three of its lengths
 FIRST_SAMPLES = 32  # a pixel and seed of the witness
@@ -46,7 +46,7 @@ class Witness(Protocol):
 
     def render(
         self, seed: int, samples: int, progress: Callable[[float], None] | None = None
-    ) -> NDArray[np.float32]:
+    ) -> Singles:
         """Return (h, w, 4) radiance and alpha, row 0 at the top; seeds are independent."""
         ...
 
@@ -89,12 +89,12 @@ class Result:
     seconds: dict[str, float] = field(default_factory=dict)
 
     @property
-    def witness(self) -> NDArray[np.float64]:
+    def witness(self) -> Floats:
         """The witness's mean picture (h, w, 3)."""
         return np.asarray(self.pictures.mean(axis=0, dtype=np.float64))
 
     @property
-    def witness_variance(self) -> NDArray[np.float64] | None:
+    def witness_variance(self) -> Floats | None:
         """Variance (h, w, 3) of the mean picture, None with one picture."""
         count = len(self.pictures)
         if count < 2:

@@ -29,8 +29,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats, Ints, Singles
 from .cameras import camera_rays
 from .emitters import Emitter
 from .film import REST
@@ -47,9 +47,6 @@ if TYPE_CHECKING:
     from .direct import DirectLight
     from .lights.point import PointLight
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
 
 FEW = 16  # lights that are sampled one by one
 MATTERS = 0.007  # share of the light with which a name keeps its layer; at 0.01 it is judged
@@ -189,7 +186,7 @@ class Crowd:
         for each in (self._rest, foreseen):
             np.put_along_axis(each, self._near, 0.0, axis=1)
         self._rest_rgb = foreseen @ self.hue
-        upto = np.cumsum(self._rest, axis=1, dtype=float)
+        upto: Floats = np.cumsum(self._rest, axis=1, dtype=float)
         self._others = upto[:, -1].copy()
         self._table = (upto / upto[:, -1:] + np.arange(len(upto))[:, None]).ravel()
 
@@ -210,7 +207,7 @@ class Crowd:
         box, boxes = self._boxes.of(*where), np.arange(len(self._mean))
         index, count = np.arange(len(box)), min(TRIES, len(self.rgb))
         uniform = Points(0 * index, 0 * index, index, 1).pair
-        found, tried = np.zeros((2, *self._mean.shape))
+        found, tried = (np.zeros(self._mean.shape) for _ in range(2))
         for lights in np.argpartition(-self._mean, count - 1, axis=1)[:, :count].T:
             chosen = lights.take(box)[None]
             ((sample, rgb),) = self._sampled(*where, uniform, chosen, np.ones(chosen.shape))

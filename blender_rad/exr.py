@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Singles
 from .atomic import atomic_path
 from .errors import RadError, unknown_name
 from .film import Film
 from .scene import Scene
 from .working_space import INTEROP_IDS, rec709_from_working
 
-Pixels = NDArray[np.float32]
+Pixels = Singles
 
 PASSES = ("Irradiance", "Illuminance", "Luminance", "StandardError", "Depth", "Normal")
 _OLD_NAMES = {  # of passes, by those that Blender 5 gave them; ours has R, G, B without a layer

@@ -6,9 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import Bools, Floats, Ints
+from .arrays import Bools, Floats, Ints, Singles
 from .errors import Finding
 from .scene import Unsupported
 
@@ -29,8 +28,8 @@ class Film:
     radiance: Image  # [W/(m² sr)], premultiplied with `alpha`
     variance: Image
     alpha: Image
-    lights: dict[str, NDArray[np.float32]]  # by name; with `seen` they add up to `radiance`
-    noise: dict[str, NDArray[np.float32]]  # draws of theirs: half of what halves of samples differ
+    lights: dict[str, Singles]  # by name; with `seen` they add up to `radiance`
+    noise: dict[str, Singles]  # draws of theirs: half of what halves of samples differ
     seen: Image  # emission that the camera sees directly: of surfaces and the background
     irradiance: Image  # [W/m²] on the shading normal
     depth: Image  # [m] along the view axis, inf for background
@@ -40,7 +39,7 @@ class Film:
     excluded: Bools  # out of the comparison
     excluded_by: dict[Unsupported, int]  # pixels for each cause
     findings: tuple[Finding, ...] = ()
-    shown: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # of `seen`, by light
+    shown: dict[str, Singles] = field(default_factory=dict)  # of `seen`, by light
 
     @property
     def standard_error(self) -> Image:

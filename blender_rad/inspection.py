@@ -9,8 +9,8 @@ from decimal import Decimal
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .emitters import emitters
 from .errors import Finding, RadError
 from .lights import Light, LightRecord, Model, light_from_record
@@ -24,8 +24,6 @@ from .quantities import EFFICACIES_LM_W, K_M
 from .scene import Scene
 from .spectra import colour_temperature, spectrum
 from .working_space import xyz_from_rgb
-
-Array = NDArray[np.float64]
 
 # What a row holds, radiant and luminous, in the order of `_amounts`.
 KEYS = (
@@ -116,7 +114,7 @@ def _built(record: LightRecord, model: Model) -> Light | str | None:
         return str(error)
 
 
-def _amounts(kind: str, light: Light | str | None, metre: float) -> Array:
+def _amounts(kind: str, light: Light | str | None, metre: float) -> Floats:
     """Return flux, peak intensity, radiance and facing irradiance, (4, 3), nan for none."""
     found = np.full((4, 3), np.nan)
     if light is None:
@@ -179,7 +177,7 @@ def _row(
     return {**row, "notes": list(dict.fromkeys(notes))}
 
 
-def _joined(pieces: Array, weights: Array, count: int) -> Array:
+def _joined(pieces: Floats, weights: Floats, count: int) -> Floats:
     """Return the mean flux of `count` pieces (k, 4, 3) and their greatest other amounts, (4, 3)."""
     amounts = pieces[np.argmax(np.abs(pieces @ weights), axis=0), np.arange(4)]
     amounts[0] = pieces[:, 0].sum(axis=0) / count
@@ -193,7 +191,7 @@ def figure(value: float | None) -> str:
     return f"{Decimal(text):,f}".replace(",", " ") if plain else text
 
 
-def _ratio(over: Array, under: Array) -> float:
+def _ratio(over: Floats, under: Floats) -> float:
     """Return the factor between two triples of one colour."""
     channel = int(np.argmax(np.abs(under)))
     return float(over[channel] / under[channel])
@@ -278,7 +276,7 @@ def _of_power(light: Light, record: LightRecord) -> Iterator[Note]:
     yield Note("not-normalised", f"not normalised: {said}", power and 100.0 * (power - 1.0))
 
 
-def _of_colour(record: LightRecord, weights: Array) -> Iterator[Note]:
+def _of_colour(record: LightRecord, weights: Floats) -> Iterator[Note]:
     properties = record.properties
     tints = {"colour": properties["color"], "nodes": properties.get("node_emission", 1.0)}
     if properties.get("use_temperature"):

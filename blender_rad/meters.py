@@ -24,8 +24,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .direct import DirectLight
 from .emitters import emitters
 from .errors import Finding, RadError
@@ -33,9 +33,6 @@ from .rendering import Settings, render
 from .sampling import MAX_POINTS, Points
 from .scene import Camera, Instance, Material, Mesh, Scene, Unsupported
 from .surfaces import RAY_OFFSET, Surface, dot
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 STREAMS = 16
 STUDENT_15 = 2.131 / 1.960  # 97.5 % quantile of Student's t, 15 degrees of freedom, over normal's
@@ -98,8 +95,8 @@ class Readings(NamedTuple):
     irradiance: Floats
     lights: Floats
     standard_error: Floats
-    unreached: NDArray[np.bool_]
-    excluded: dict[Unsupported, NDArray[np.bool_]]
+    unreached: Bools
+    excluded: dict[Unsupported, Bools]
 
     @property
     def illuminance(self) -> Floats:
@@ -221,7 +218,7 @@ class _Few:
         self.sent, self.arrived, self.tested, self.seen = np.zeros((4, *shape, STREAMS))
         self.colour = np.zeros((*shape, 3))  # what has arrived, of all streams
         self.exact = np.full((*shape, 1), np.nan)
-        self.excluded: dict[Unsupported, NDArray[np.bool_]] = {}
+        self.excluded: dict[Unsupported, Bools] = {}
 
     def readings(self) -> Readings:
         everyone = np.arange(len(self.points))

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from .arrays import Floats, Ints, Singles
 
 BLOCK = 16384  # pixels worked off at a time, so that arrays stay near the processor
 
@@ -75,13 +74,13 @@ class Pixels:
         self.streams = zeros(streams)
         self.taken = np.zeros(count, dtype=np.int64)
         # By half of the streams:
-        self.lights: NDArray[np.float32] = zeros(2, layers, kind=np.float32)
+        self.lights: Singles = zeros(2, layers, kind=np.float32)
         self.shown = zeros(layers, kind=np.float32)  # of `seen`
         self.seen, self.irradiance, self.normal = zeros(), zeros(), zeros()
         self.alpha = np.zeros(count)
         self.depth = np.full(count, np.inf)
 
-    def layers(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def layers(self) -> tuple[Singles, Singles]:
         """Return the mean of each layer (layers, n, 3), and a draw of its noise.
 
         The noise is the difference of the halves' means, n₀ and n₁ samples, times √(n₀n₁)/(n₀+n₁),

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats, Ints
+
 Words = NDArray[np.uint32]
 
 _INDEX_BITS = 16
@@ -88,13 +90,13 @@ class Points:
         self._key = _mixed(self._key)
         self._index = _reverse_bits(index.astype(np.uint32))
 
-    def take(self, rows: NDArray[np.int64]) -> Points:
+    def take(self, rows: Ints) -> Points:
         """Return those of the sequences `rows` (k,) alone."""
         chosen = copy(self)
         chosen._key, chosen._index = self._key.take(rows), self._index.take(rows)
         return chosen
 
-    def pair(self, dimension: int) -> NDArray[np.float64]:
+    def pair(self, dimension: int) -> Floats:
         """Return points (n, 2) in [0, 1) of the pair `dimension`."""
         key = _mixed(self._key + np.uint32((dimension * 0xC2B2AE3D + 1) & 0xFFFFFFFF))
         place = _owen_mix(self._index, key) >> np.uint32(32 - _INDEX_BITS)

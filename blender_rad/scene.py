@@ -12,10 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from .arrays import Bools, Floats
+from .arrays import Bools, Floats, Indices, Singles
 from .errors import Finding
 from .lights import Light, LightRecord, Model, SkyMap
 from .textures import Expression
@@ -87,14 +84,14 @@ class Mesh:
     """Triangles in object space; shared by all instances that show it."""
 
     name: str
-    vertices: NDArray[np.float32]  # (n, 3) [bu]
-    triangles: NDArray[np.int32]  # (m, 3) vertices, counter-clockwise seen from the front
-    normals: NDArray[np.float32] | None  # (m, 3, 3) unit, by corner; None when all is flat
+    vertices: Singles  # (n, 3) [bu]
+    triangles: Indices  # (m, 3) vertices, counter-clockwise seen from the front
+    normals: Singles | None  # (m, 3, 3) unit, by corner; None when all is flat
     smooth: Bools  # (m,) where Cycles' shadow terminator offset acts
-    slots: NDArray[np.int32]  # (m,) material slot of each triangle
+    slots: Indices  # (m,) material slot of each triangle
     # UV maps, colours, and what else there is, (m, 3, k) at the corners. ``textures.UV`` is the map
     # that renders take, ``textures.GENERATED`` stands where that is not the place in the space:
-    attributes: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    attributes: dict[str, Singles] = field(default_factory=dict)
     # Centre and half size (3,) of Generated coordinates, None if not known:
     texture_space: tuple[Floats, Floats] | None = None
 
@@ -203,7 +200,7 @@ class Scene:
     transparent_max_bounces: int = 8  # surfaces that light passes straight, as Cycles counts them
     # (slots, k height, k width, 3) of what Blender's nodes give at the middle of each k-th of a
     # pixel, row 0 at the top; None where no material needs it:
-    measured: NDArray[np.float32] | None = None
+    measured: Singles | None = None
     unknown_lights: tuple[Light, ...] = ()  # in their place and shape; what they reach is excluded
     light_records: tuple[LightRecord, ...] = ()  # all light objects, also those that emit nothing
     linking: Mapping[str, Linking] = field(default_factory=dict[str, Linking])  # by light

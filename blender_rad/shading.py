@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import Floats, Ints
+from .arrays import Floats, Ints, Singles
 from .scene import BLACK, Instance, Material, Mesh, Scene
 from .surfaces import Geometry, Surface, dot, normalized, pick
 from .tangents import around, tangents
@@ -69,7 +68,7 @@ def contexts(
             yield material, rows, context
 
 
-def _looked_up(table: NDArray[np.float32], points: Ints, slot: int) -> Floats:
+def _looked_up(table: Singles, points: Ints, slot: int) -> Floats:
     """Return the values (n, 3) of a slot at `points` (n,) of a table (slots, points, 3)."""
     return table[slot].take(points, axis=0).astype(np.float64)
 

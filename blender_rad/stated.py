@@ -13,14 +13,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Floats
 from .lights import Light, LightRecord, Model, light_from_record
 from .quantities import K_M, unit_named
 from .spectra import Spectrum
 from .working_space import xyz_from_rgb
 
-Array = NDArray[np.float64]
 GRID = 64  # a side, of the samples where no closed form holds
 FORMS = {  # units by Blender's type of emitter, the usual one first
     **dict.fromkeys(
@@ -72,7 +71,7 @@ def amount(
     unit: str,
     convention: Convention,
     metre: float = 1.0,
-    lit: tuple[Array, Array] | None = None,
+    lit: tuple[Floats, Floats] | None = None,
 ) -> float:
     """Return what leaves a light, in the SI unit of `unit`.
 
@@ -94,7 +93,7 @@ def amount(
     return luminous / convention.lm_per_W if convention.lm_per_W else float(rgb.mean())
 
 
-def arriving(light: Light, point: Array, normal: Array) -> Array:
+def arriving(light: Light, point: Floats, normal: Floats) -> Floats:
     """Return the irradiance (3,) [W/m²] at `point` (3,) [bu] facing `normal`, nothing between."""
     points, normals = point[None], normal[None]
     exact = light.irradiance(points, normals)

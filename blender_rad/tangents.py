@@ -10,13 +10,12 @@ Wrinkled Surfaces Revisited", 2008).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import Floats
+from .arrays import Floats, Singles
 from .scene import Mesh
 
 
-def tangents(mesh: Mesh, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def tangents(mesh: Mesh, uv: Singles) -> Singles:
     """Return (m, 3, 4): unit tangents, and 1 or -1 for the sense of turning.
 
     `uv` (m, 3, 2) is the map; where a triangle has no area in it, it adds nothing.
@@ -45,7 +44,7 @@ def tangents(mesh: Mesh, uv: NDArray[np.float32]) -> NDArray[np.float32]:
     return found.reshape(-1, 3, 4).astype(np.float32)
 
 
-def around(mesh: Mesh) -> NDArray[np.float32]:
+def around(mesh: Mesh) -> Singles:
     """Return the map (m, 3, 2) of a mesh that has none: longitude and latitude of its vertices."""
     x, y, z = mesh.vertices.astype(np.float64).T
     longitude = np.where((x == 0.0) & (y == 0.0), 0.0, 0.5 - 0.5 * np.arctan2(x, y) / np.pi)
@@ -58,6 +57,6 @@ def _unit(vectors: Floats) -> Floats:
     return vectors / np.where(length == 0.0, 1.0, length)
 
 
-def _within(vectors: Floats, normals: NDArray[np.float32]) -> Floats:
+def _within(vectors: Floats, normals: Singles) -> Floats:
     """Return `vectors` at unit length in the planes of unit normals."""
     return _unit(vectors - np.sum(vectors * normals, axis=-1, keepdims=True) * normals)

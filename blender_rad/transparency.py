@@ -4,16 +4,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .rays import Caster
 from .scene import Scene
 from .shading import Shading
 from .surfaces import Geometry, Surface
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 CUTOFF = 1e-5  # what lets less pass than that lets nothing pass in Cycles
 

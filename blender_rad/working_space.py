@@ -9,9 +9,8 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Matrix = NDArray[np.float64]
+from .arrays import Floats
 
 _D65 = (0.3127, 0.3290)
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_D65)
@@ -25,7 +24,7 @@ _BRADFORD = np.array(  # cone responses from XYZ
 )
 
 
-def xyz_from_rgb(chromaticities: tuple[float, ...]) -> Matrix:
+def xyz_from_rgb(chromaticities: tuple[float, ...]) -> Floats:
     """Return the matrix (3, 3) whose columns are the primaries, adding up to white with Y = 1."""
     x, y = np.reshape(chromaticities, (4, 2)).T
     colours = np.stack([x / y, np.ones(4), (1 - x - y) / y])
@@ -40,7 +39,7 @@ def luminance_weights(chromaticities: tuple[float, ...]) -> tuple[float, float, 
     return float(red), float(green), float(blue)
 
 
-def rec709_from_working(chromaticities: tuple[float, ...]) -> Matrix:
+def rec709_from_working(chromaticities: tuple[float, ...]) -> Floats:
     """Return the matrix (3, 3) from the working space to linear Rec.709, white to white.
 
     Whites are adapted by Bradford's transform.

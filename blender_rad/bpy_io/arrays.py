@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
+
 
 def gathered(collection: Any, attribute: str, dtype: type, *width: int) -> NDArray[Any]:
     """Return `attribute` of all elements of a collection, (n,) or (n, width) of `dtype`."""
@@ -16,6 +18,6 @@ def gathered(collection: Any, attribute: str, dtype: type, *width: int) -> NDArr
     return values
 
 
-def matrix(bl_matrix: Any) -> NDArray[np.float64]:
+def matrix(bl_matrix: Any) -> Floats:
     """Return a Blender matrix as (4, 4) float64, target from source."""
     return np.array([tuple(row) for row in bl_matrix], dtype=np.float64)

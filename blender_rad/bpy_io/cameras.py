@@ -6,12 +6,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..scene import Aperture, Camera, Unsupported
 from .arrays import matrix
 
-Floats = NDArray[np.float64]
 # Properties that `Camera.lens` holds of a panorama; the sensor's sides follow.
 _PANORAMAS = {
     "equirectangular": ("longitude_min", "longitude_max", "latitude_min", "latitude_max"),

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Singles
 from ..textures import SOURCES, TEXTURES, Expression, constant
 from ..textures.arithmetic import OF_NUMBERS, OF_VECTORS
 from ..textures.colours import BLENDS
@@ -22,7 +23,7 @@ from .open import working_space
 
 Groups = tuple[Any, ...]
 Known = dict[tuple[int, ...], Expression]
-Pixels = NDArray[np.uint8] | NDArray[np.float32]
+Pixels = NDArray[np.uint8] | Singles
 # Pixels by image and tile, of one reading.
 IMAGES: WeakValueDictionary[tuple[str, int, int], Any] = WeakValueDictionary()
 

@@ -10,12 +10,11 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Euler
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..photometry import Distribution, as_ies
 from . import nodes
 
-Array = NDArray[np.float64]
 FEATURE = "IES Texture"
 
 
@@ -44,7 +43,7 @@ def add_photometric_light(light: Distribution, name: str | None = None) -> Any:
     return placed
 
 
-def ies_emission(light: Any, world_from_light: Array) -> tuple[dict[str, Any], str | None] | None:
+def ies_emission(light: Any, world_from_light: Floats) -> tuple[dict[str, Any], str | None] | None:
     """Return the record properties of a light's IES Texture, and what is not known of it.
 
     None where no IES Texture feeds the strength of a single Emission.
@@ -90,7 +89,7 @@ def _content(node: Any) -> bytes:
     return path.read_bytes() if path.is_file() else b""
 
 
-def _frame(socket: Any, groups: nodes.Groups, light: Any, normal: Array) -> Array | None:
+def _frame(socket: Any, groups: nodes.Groups, light: Any, normal: Floats) -> Floats | None:
     """Return the linear map (3, 3) from leaving directions to a vector socket's value.
 
     `normal` is the map of normals to the light's frame, which Cycles applies to directions here.
@@ -117,7 +116,7 @@ def _frame(socket: Any, groups: nodes.Groups, light: Any, normal: Array) -> Arra
             return None
 
 
-def _mapping(node: Any, groups: nodes.Groups) -> Array | None:
+def _mapping(node: Any, groups: nodes.Groups) -> Floats | None:
     """Return the matrix (3, 3) of a Mapping node that only turns and scales."""
     rotation, scale = (nodes.colour(node.inputs[name], groups) for name in ("Rotation", "Scale"))
     moves = node.vector_type in {'POINT', 'TEXTURE'}

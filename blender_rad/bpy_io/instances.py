@@ -10,8 +10,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import Finding, RadError
 from ..lights import RAYS, Light, Model
 from ..lights._base import LightRecord, light_from_record
@@ -25,7 +25,6 @@ from .meshes import box_mesh, read_mesh
 from .questions import Asking
 
 _PROXIES = {"CURVES": "Hair", "POINTCLOUD": "Point cloud", "VOLUME": "Volume object"}
-Floats = NDArray[np.float64]
 Bounds = tuple[Floats, Floats]
 NOTES = {
     "area-sheared": "its axes are not at right angles (a parent scaled unevenly): Cycles takes a"

@@ -8,8 +8,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools
 from ..errors import Finding
 from ..lights import Light, LightRecord
 from ..scene import Linking
@@ -25,7 +25,7 @@ def read_linking(
     """
     objects: list[Any] = [e.original for e in depsgraph.ids if isinstance(e, bpy.types.Object)]
     linked = [(name(o), o.light_linking) for o in objects if o.light_linking]
-    reached: list[dict[str, NDArray[np.bool_]]] = []
+    reached: list[dict[str, Bools]] = []
     for kind in ("receiver_collection", "blocker_collection"):
         chosen = {key: _chosen(c) for key, links in linked if (c := getattr(links, kind))}
         # An instancer that any collection names stands for what it instances.
@@ -70,7 +70,7 @@ def _chosen(collection: Any) -> dict[int, bool]:
     return {o.as_pointer(): s.light_linking.link_state == "INCLUDE" for o, s in pairs}
 
 
-def _reached(members: Mapping[int, bool], told: Sequence[int]) -> NDArray[np.bool_]:
+def _reached(members: Mapping[int, bool], told: Sequence[int]) -> Bools:
     """Return what it includes or, where that is nothing, all but what it excludes."""
     others = not any(members.values())
     return np.array([*(members.get(key, others) for key in told), others])

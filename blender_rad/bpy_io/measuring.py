@@ -16,8 +16,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Singles
 from .expressions import NUMBERS
 from .questions import Asking
 from .witness import CyclesWitness
@@ -26,9 +26,7 @@ FINEST = 4  # points along a pixel
 MOST = 1 << 23  # points in all slots together, as long as each pixel has one
 
 
-def measure(
-    bl_scene: Any, questions: list[Asking], resolution: tuple[int, int]
-) -> NDArray[np.float32] | None:
+def measure(bl_scene: Any, questions: list[Asking], resolution: tuple[int, int]) -> Singles | None:
     """Return `Scene.measured`, None where nothing is asked. What is changed for it is put back."""
     asked = [asking for asking in questions if asking.slots]
     count = max((len(asking.slots) for asking in asked), default=0)

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools, Floats, Indices, Singles
 from ..scene import Mesh
 from ..textures import COLOUR, GENERATED, UV
 from .arrays import gathered
@@ -65,7 +66,7 @@ def read_mesh(bl_mesh: Any, *, modified: bool = False) -> tuple[Mesh, int]:
     return mesh, int(np.count_nonzero(~keep))
 
 
-def box_mesh(name: str, low: NDArray[np.float64], high: NDArray[np.float64]) -> Mesh:
+def box_mesh(name: str, low: Floats, high: Floats) -> Mesh:
     """Return the box between two corners, (3,) each, as a flat mesh of 12 triangles."""
     vertices = (low + _BOX_CORNERS * (high - low)).astype(np.float32)
     quads = np.array(_BOX_QUADS, dtype=np.int32)
@@ -84,13 +85,13 @@ def _attribute(bl_mesh: Any, name: str, domain: str, dtype: type) -> NDArray[Any
 
 def _attributes(
     bl_mesh: Any,
-    triangles: NDArray[np.int32],
-    corners: NDArray[np.int32],
-    faces: NDArray[np.int32],
-) -> dict[str, NDArray[np.float32]]:
+    triangles: Indices,
+    corners: Indices,
+    faces: Indices,
+) -> dict[str, Singles]:
     """Return what nodes can look up by name, (m, 3, k) at the corners of triangles."""
     places = {"POINT": triangles, "CORNER": corners, "FACE": np.repeat(faces[:, None], 3, axis=1)}
-    found: dict[str, NDArray[np.float32]] = {}
+    found: dict[str, Singles] = {}
     for attribute in bl_mesh.attributes:
         if attribute.domain in places and attribute.data_type in _ATTRIBUTES:
             if attribute.name not in _INTERNAL and not attribute.name.startswith("."):
@@ -122,11 +123,11 @@ def _by_corner(bl_mesh: Any) -> bool:
 
 def _normals(
     bl_mesh: Any,
-    vertices: NDArray[np.float32],
-    triangles: NDArray[np.int32],
-    corners: NDArray[np.int32],
-    smooth: NDArray[np.bool_],
-) -> NDArray[np.float32] | None:
+    vertices: Singles,
+    triangles: Indices,
+    corners: Indices,
+    smooth: Bools,
+) -> Singles | None:
     """Return unit normals by triangle corner, (m, 3, 3), None when every triangle is flat."""
     if not smooth.any():
         return None

@@ -8,12 +8,11 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import RadError, unknown_name
 from .arrays import gathered, matrix
 
-Floats = NDArray[np.float64]
 MARK = "meter"  # how an empty's name begins, or a custom property of any object
 
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..textures import Expression, constant, folded
 from .expressions import Groups, UnknownNodeError, expression, source
 
@@ -114,7 +114,7 @@ def grey(value: float) -> Triple:
     return (value, value, value)
 
 
-def triple(value: NDArray[np.float64]) -> Triple:
+def triple(value: Floats) -> Triple:
     """Return a constant, (1, 1) or (1, 3), as a colour."""
     red, green, blue = np.broadcast_to(value, (1, 3))[0].tolist()
     return (red, green, blue)

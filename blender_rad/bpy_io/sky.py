@@ -18,8 +18,8 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
-from numpy.typing import NDArray
 
+from ..arrays import Singles
 from ..lights import SkyMap
 from ..lights._environment import WHOLE
 from ..textures import Context, Expression
@@ -27,7 +27,7 @@ from . import nodes
 from .expressions import behind, plain_properties
 from .witness import CyclesWitness
 
-Look = Callable[..., NDArray[np.float32]]
+Look = Callable[..., Singles]
 
 WIDTH, WIDEST = 2048, 8192  # of a map, in texels
 DISC = 256  # texels across a sun
@@ -226,7 +226,7 @@ def _stage(bl_world: Any, frame: tuple[int, float]) -> Generator[tuple[Any, Look
 
     def look(
         axes: Matrix, half: tuple[float, float], size: tuple[int, int], samples: int = 1
-    ) -> NDArray[np.float32]:
+    ) -> Singles:
         camera.longitude_min, camera.longitude_max = -half[0], half[0]
         camera.latitude_min, camera.latitude_max = -half[1], half[1]
         eye.matrix_world = (_CAMERA_FROM_MAP @ axes).transposed().to_4x4()

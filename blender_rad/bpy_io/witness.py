@@ -13,8 +13,8 @@ from typing import Any, Literal
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Singles
 from ..errors import RadError
 from ..exr import read_planes
 from .clay import make_clay
@@ -23,7 +23,7 @@ from .quiet import interrupt_later, quiet_stdout, told
 
 WitnessSettings = Literal["reference", "file"]
 Progress = Callable[[float], None]
-Pictures = NDArray[np.float32]
+Pictures = Singles
 
 _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 
@@ -163,9 +163,7 @@ class CyclesWitness:
             if name in owner.bl_rna.properties and getattr(owner, name) != value:
                 yield setting, (getattr(owner, name), value)
 
-    def render(
-        self, seed: int, samples: int, progress: Progress | None = None
-    ) -> NDArray[np.float32]:
+    def render(self, seed: int, samples: int, progress: Progress | None = None) -> Singles:
         """Return one picture, (h, w, 4) radiance [W/(m² sr)] and alpha, row 0 at the top.
 
         Pictures of different seeds are independent; `samples` are a pixel's. Persistent data keeps
@@ -182,7 +180,7 @@ class CyclesWitness:
             raise RadError("Cycles gave an empty picture", where, expected)
         return picture
 
-    def layers(self) -> dict[str, NDArray[np.float32]]:
+    def layers(self) -> dict[str, Singles]:
         """Return all passes of one sample a pixel by name, such as "View layer.Depth.V"."""
         output = self.bl_scene.render.image_settings
         if hasattr(output, "media_type"):  # from Blender 5
@@ -192,7 +190,7 @@ class CyclesWitness:
 
     def _channels(
         self, seed: int, samples: int, progress: Progress | None = None
-    ) -> dict[str, NDArray[np.float32]]:
+    ) -> dict[str, Singles]:
         """Leave out Cycles' first samples: the very first goes through the pixel's centre."""
         cycles, skipped = self.bl_scene.cycles, samples if samples > 1 else 0
         cycles.seed, cycles.samples = seed, skipped + samples

@@ -17,9 +17,7 @@ from ._base import Outcome, aligned, flag_of, option
 from ._scene import PictureCommand
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from ..arrays import Singles
     from ..bpy_io.witness import CyclesWitness
     from ..checking import Result
     from ..scene import Scene
@@ -146,7 +144,7 @@ class CheckOptions(PictureCommand, verb="check"):
         found = {flag_of(entry): getattr(self, entry.name) for entry in given}
         return {k: [str(v) for v in (x if type(x) is tuple else [x])] for k, x in found.items()}
 
-    def _pictures(self, scene: Scene) -> list[NDArray[np.float32]]:
+    def _pictures(self, scene: Scene) -> list[Singles]:
         """Return the pictures to judge, each (h, w, 3)."""
         from ..exr import read_picture
 

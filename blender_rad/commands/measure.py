@@ -14,12 +14,9 @@ from ._base import Outcome, aligned, option
 from ._scene import MeterCommand
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from ..arrays import Floats
     from ..meters import Grid, LuxMeter, Readings
 
-    Floats = NDArray[np.float64]
     Point = tuple[float, ...]
     Points = tuple[Point, ...]
 

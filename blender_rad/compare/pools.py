@@ -12,12 +12,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, Singles
 from ..film import Film
 
-Picture = NDArray[np.float32] | Floats
+Picture = Singles | Floats
 
 MIN_TILE_PIXELS = 16
 DARK = 0.05

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bools
 from ..film import Image
 from ..working_space import REC709
 
@@ -25,8 +25,8 @@ class ReportData:
     document: Mapping[str, Any]
     ours: Image  # scene-linear radiance [W/(m² sr)]
     witness: Image
-    excluded: NDArray[np.bool_]  # pixels out of the comparison
-    inside: NDArray[np.bool_]  # the render border
+    excluded: Bools  # pixels out of the comparison
+    inside: Bools  # the render border
     variance_ours: Image
     variance_witness: Image | None  # None where it is not known
     luminance_weights: tuple[float, float, float]  # of the working space
@@ -40,7 +40,7 @@ class ReportData:
         return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
 
     @functools.cached_property
-    def compared(self) -> NDArray[np.bool_]:
+    def compared(self) -> Bools:
         """Pixels that take part: inside, not excluded, finite on both sides; (h, w)."""
         finite = np.isfinite(self.ours).all(axis=2) & np.isfinite(self.witness).all(axis=2)
         return self.inside & ~self.excluded & finite

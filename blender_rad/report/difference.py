@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bools
 from ..compare.claims import TILE_TOLERANCES
 from ..compare.pools import DARK, FLOAT32_ROUNDING, TILE, block_sums
 from ..film import Image
@@ -63,7 +64,7 @@ def difference(data: ReportData, tolerance: float) -> tuple[Image, NDArray[np.in
     return np.where(data.compared, shown, np.nan), tiles
 
 
-def outline(mask: NDArray[np.bool_], shape: tuple[int, int]) -> str:
+def outline(mask: Bools, shape: tuple[int, int]) -> str:
     """Return an SVG path [px] along the edges between tiles in and out of `mask`."""
     padded, path = np.pad(mask, 1), ""
     for cells, (tall, wide), across in ((padded, shape, "H"), (padded.T, shape[::-1], "V")):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..atomic import atomic_path
 from .pictures import srgb
 
@@ -73,7 +74,7 @@ def _panel(axes: Axes, beside: Axes, judged: Judged) -> None:
     beside.set(xticks=[], yticks=[])
 
 
-def _ball(angles: NDArray[np.float64], furnace: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _ball(angles: Floats, furnace: Floats) -> NDArray[np.uint8]:
     """Return a ball (h, w, 3) of the material in surroundings of radiance 1, which are white."""
     place = (np.arange(PIXELS) + 0.5) / PIXELS * 2.4 - 1.2
     square = np.add.outer(place**2, place**2)

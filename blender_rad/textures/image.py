@@ -30,10 +30,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, Singles
 from . import TEXTURES, Call, divided, unit
 
-Pixels = NDArray[np.uint8] | NDArray[np.float32]
+Pixels = NDArray[np.uint8] | Singles
 
 MISSING = np.array([[1.0, 0.0, 1.0, 1.0]])
 
