@@ -21,30 +21,21 @@ SIZE = (48, 32)  # pixels
 AT = (slice(0, 16), slice(12, 36))  # of the border: the upper half's middle, row 0 at the top
 
 
-def sky(turn: tuple[float, float, float], world: Any) -> None:
+def sky(turn: tuple[float, float, float]) -> None:
     """Light the scene by a small environment image and by a Sky Texture with its sun."""
     import bpy
 
-    bpy.context.scene.world, pixels = world, np.ones((16, 32, 4), np.float32)
+    from tests.blender.reading import node, shows, with_nodes, world
+
+    pixels = np.ones((16, 32, 4), np.float32)
     pixels[..., :3] = np.random.default_rng(1).uniform(0.1, 0.5, (16, 32, 3))
     image = bpy.data.images.new("Sky", 32, 16, float_buffer=True)
     image.pixels.foreach_set(pixels.ravel())
     image.pack()
-    if bpy.app.version < (5, 0):
-        world.use_nodes = True
-    tree = world.node_tree
-    names = ("TexCoord", "Mapping", "TexEnvironment")
-    place, mapping, texture = (tree.nodes.new(f"ShaderNode{name}") for name in names)
-    texture.image, mapping.inputs["Rotation"].default_value = image, turn
-    tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
-    tree.links.new(mapping.outputs[0], texture.inputs["Vector"])
-    image_light, sky_light = tree.nodes["Background"], tree.nodes.new("ShaderNodeBackground")
-    tree.links.new(texture.outputs[0], image_light.inputs["Color"])
-    air, both = tree.nodes.new("ShaderNodeTexSky"), tree.nodes.new("ShaderNodeAddShader")
-    tree.links.new(air.outputs[0], sky_light.inputs["Color"])
-    for light, socket in zip((image_light, sky_light), both.inputs, strict=True):
-        tree.links.new(light.outputs[0], socket)
-    tree.links.new(both.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+    tree = with_nodes(world("Sky"))
+    mapping = node(tree, "Mapping", node(tree, "TexCoord").outputs["Generated"], Rotation=turn)
+    parts = node(tree, "TexEnvironment", mapping, image=image), node(tree, "TexSky")
+    shows(tree, node(tree, "AddShader", *(node(tree, "Background", part) for part in parts)))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +49,7 @@ def done(zip_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     bpy.ops.mesh.primitive_plane_add(size=20)
     bpy.ops.object.light_add(type='POINT', location=(0, 0, 2))
     bpy.context.object.data.shadow_soft_size = 0.0
-    sky((0.4, -0.3, 2.0), bpy.data.worlds.new("Sky"))
+    sky((0.4, -0.3, 2.0))
     bpy.ops.object.camera_add(location=(0, 0, 5))
     scene.camera = bpy.context.object
     scene.render.resolution_x, scene.render.resolution_y = SIZE

@@ -20,6 +20,11 @@ from blender_rad.spectra import spectrum
 from blender_rad.units import convert
 
 bpy = pytest.importorskip("bpy")
+
+from blender_rad.bpy_io.read import read_scene  # noqa: E402
+from blender_rad.bpy_io.session import in_render  # noqa: E402
+from tests.blender.reading import light  # noqa: E402
+
 pytestmark = [pytest.mark.blender, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 SINGLE = 1e-6  # Blender keeps powers in single precision
@@ -29,15 +34,10 @@ Make = Callable[..., Any]
 @pytest.fixture
 def make(addon: Any) -> Make:
     def new(kind: str, **properties: Any) -> Any:
-        light = bpy.data.lights.new("Lamp", kind)
-        placed = bpy.data.objects.new("Lamp", light)
-        bpy.context.scene.collection.objects.link(placed)
+        placed = light(kind, rotation_euler=(0.3, 0.2, 0.1), **properties)
         bpy.context.view_layer.objects.active = placed
-        placed.rotation_euler = (0.3, 0.2, 0.1)
-        for name, value in properties.items():
-            setattr(light, name, value)
         bpy.context.view_layer.update()
-        return light
+        return placed.data
 
     return new
 
@@ -49,37 +49,27 @@ DISC = {"shape": 'DISK', "size": 0.5, "spread": 2.0}
 DISC_SHAPE = {"area": math.pi / 16, "spread": 2.0}
 
 
-@pytest.mark.parametrize(
-    ("kind", "properties", "value", "unit", "to", "emitter", "shape"),
-    [
-        ('POINT', POINT, 800.0, "lm", "W", "point", {}),
-        ('POINT', POINT, 800.0, "lm", "cd", "point", {}),
-        ('POINT', POINT, 500.0, "lx", "lm", "point", {"distance": 2.0}),
-        ('POINT', BALL, 64.0, "cd", "cd/m2", "sphere", {"radius": 0.1}),
-        ('POINT', BALL, 12.0, "EV100", "W", "sphere", {"radius": 0.1}),
-        ('POINT', BALL, 3.0, "W/m2/sr", "lx", "sphere", {"radius": 0.1, "distance": 2.0}),
-        ('SPOT', SPOT, 1200.0, "cd", "lm", "spot", {"cone": 0.8, "blend": 0.3}),
-        ('SPOT', SPOT, 5.0, "W", "lx", "spot", {"cone": 0.8, "blend": 0.3, "distance": 2.0}),
-        ('AREA', DISC, 3000.0, "cd/m2", "lm", "area", DISC_SHAPE),
-        ('AREA', DISC, 900.0, "lm", "W/sr", "area", DISC_SHAPE),
-        ('SUN', {"angle": 0.01}, 80000.0, "lx", "W/m2", "sun", {}),
-        ('SUN', {"angle": 0.01}, 80000.0, "lx", "cd/m2", "sun", {"angle": 0.01}),
-    ],
-)
-def test_units_are_those_of_convert(  # noqa: PLR0917
-    make: Make,
-    kind: str,
-    properties: dict[str, Any],
-    value: float,
-    unit: str,
-    to: str,
-    emitter: str,
-    shape: dict[str, float],
-) -> None:
+UNITS: list[tuple[Any, ...]] = [
+    ('POINT', POINT, 800.0, "lm", "W", "point", {}),
+    ('POINT', POINT, 800.0, "lm", "cd", "point", {}),
+    ('POINT', POINT, 500.0, "lx", "lm", "point", {"distance": 2.0}),
+    ('POINT', BALL, 64.0, "cd", "cd/m2", "sphere", {"radius": 0.1}),
+    ('POINT', BALL, 12.0, "EV100", "W", "sphere", {"radius": 0.1}),
+    ('POINT', BALL, 3.0, "W/m2/sr", "lx", "sphere", {"radius": 0.1, "distance": 2.0}),
+    ('SPOT', SPOT, 1200.0, "cd", "lm", "spot", {"cone": 0.8, "blend": 0.3}),
+    ('SPOT', SPOT, 5.0, "W", "lx", "spot", {"cone": 0.8, "blend": 0.3, "distance": 2.0}),
+    ('AREA', DISC, 3000.0, "cd/m2", "lm", "area", DISC_SHAPE),
+    ('AREA', DISC, 900.0, "lm", "W/sr", "area", DISC_SHAPE),
+    ('SUN', {"angle": 0.01}, 80000.0, "lx", "W/m2", "sun", {}),
+    ('SUN', {"angle": 0.01}, 80000.0, "lx", "cd/m2", "sun", {"angle": 0.01}),
+]
+
+
+@pytest.mark.parametrize("case", UNITS)
+def test_units_are_those_of_convert(make: Make, case: tuple[Any, ...]) -> None:
+    kind, properties, value, unit, to, emitter, shape = case
     group = make(kind, **properties).radiometry
-    group.distance = 2.0
-    group.unit = unit
-    group.value = value
+    group.distance, group.unit, group.value = 2.0, unit, value
     assert group.value == pytest.approx(value, rel=SINGLE)
     group.unit = to
     expected = convert(value, unit, to, emitter=emitter, shape=shape, light=K_M).value
@@ -105,8 +95,6 @@ def test_a_white_light_of_plain_watts_has_them_as_its_power(make: Make) -> None:
 def test_lumens_are_those_that_lights_tells(
     make: Make, kind: str, properties: dict[str, Any], scale: float
 ) -> None:
-    from blender_rad.bpy_io.read import read_scene
-
     bpy.context.scene.unit_settings.scale_length = scale
     light = make(kind, **properties)
     bpy.context.object.scale = (1.5, 2.0, 1.0)
@@ -160,7 +148,6 @@ def test_a_cone_that_narrows_keeps_its_flux_where_that_is_wanted(make: Make) -> 
 
 def rendered_energies(frames: tuple[float, ...]) -> list[float]:
     """Return the power of the light that a render gets at frames."""
-    from blender_rad.bpy_io.session import in_render
 
     def energy(depsgraph: Any) -> float:
         return next(o.data.energy for o in depsgraph.objects if o.type == 'LIGHT')
@@ -267,8 +254,6 @@ def test_every_real_source_becomes_a_light_of_that_value(addon: Any, make: Make)
 
 @pytest.mark.parametrize(("block", "unit"), [("world", "lx"), ("material", "cd/m2")])
 def test_worlds_and_materials_are_as_bright_as_stated(addon: Any, block: str, unit: str) -> None:
-    from blender_rad.bpy_io.read import read_scene
-
     bpy.ops.mesh.primitive_plane_add()
     if block == "world":
         made = bpy.context.scene.world = bpy.data.worlds.new("Sky")
