@@ -24,13 +24,14 @@ _RIDGE = 1e-9
 
 
 def model_weights(cells: Cells, pools: Pools) -> Floats:
-    """Return the weight of each cell sum, (r or 1, ch, cw, 3): 1/(n (a + b·x + e·x² + c·(…))).
+    """Return the weight of each cell sum, (r or 1, ch, cw, 3): 1 over n times its noise.
 
     A weight taken from the very samples that it weighs prefers those that came out dark and quiet.
-    So all but x, the mean of ours in the 16×16 tile, are numbers of the whole picture, from the
-    noise v of witness and ours in its tiles: a and b from the medians of its darker and brighter
-    half, e from the median of (v − a − b·x)/x² in those that hold the brighter half of the light:
-    beside glowing meshes the noise grows as the light itself.
+    So the variance is a + b·x + e·max(x − x₁, 0)², x the mean of ours in the 16×16 tile; the rest
+    are numbers of the whole picture, from the noise v of witness and ours in its tiles: a and b
+    from the medians of its darker and its brighter half, whose x is x₁, and e from the median of
+    what they leave of v in the tiles that hold the brighter half of the light: beside glowing
+    meshes the noise grows as the light itself.
 
     What the camera sees directly is added as it is: a few pixels on the edge of an emitter may hold
     most of a picture's noise, since each sample meets it or misses it, with variance
@@ -38,20 +39,21 @@ def model_weights(cells: Cells, pools: Pools) -> Floats:
     square of what exceeds `HOT` times the tile's mean is added too. Here c takes a sample for as
     noisy, relative to its mean squared, as it is in the median tile.
     """
-    scale = pools.tiles.scale
-    variance = pools.tiles.error**2 * pools.pixels
-    a, b, c, e = 0.0, 0.0, 0.0, 0.0
-    if len(scale):
-        bright = scale > np.median(scale)
-        halves = [bright, ~bright] if bright.any() else [~bright, ~bright]
-        (x1, v1), (x0, v0) = ((np.median(scale[h]), np.median(variance[h])) for h in halves)
-        b = max((v1 - v0) / (x1 - x0), 0.0) if x1 > x0 else 0.0
-        a = max(v0 - b * x0, 0.0)
-        c = float(np.median(variance) / np.median(scale) ** 2)
-        order = np.argsort(-scale, kind="stable")
-        x, v = scale[order], variance[order]
-        lit = np.cumsum(x) - x < 0.5 * x.sum()
-        e = float(np.median(np.maximum(v - a - b * x, 0.0)[lit] / x[lit] ** 2))
+    order = np.argsort(-pools.tiles.scale, kind="stable")
+    x, v = pools.tiles.scale[order], (pools.tiles.error**2 * pools.pixels)[order]
+    a, b, c, e, x1 = 0.0, 0.0, 0.0, 0.0, 0.0
+    if len(x):
+        half = max(len(x) // 2, 1)
+        x1, v1, x0, v0 = (
+            float(np.median(part)) for part in (x[:half], v[:half], x[-half:], v[-half:])
+        )
+        slope = max((v1 - v0) / (x1 - x0), 0.0) if x1 > x0 else 0.0
+        b = min(slope, v0 / x0)
+        a = v0 - b * x0
+        c = float(np.median(v) / np.median(x) ** 2)
+        most = (np.cumsum(x) - x < 0.5 * x.sum()) & (x > x1)
+        rest = np.maximum(v - a - b * x, 0.0)[most] / (x[most] - x1) ** 2
+        e = float(np.median(rest)) if len(rest) else 0.0
     a = max(a, b * 0.01 * float(pools.frame.scale.mean()), np.finfo(float).tiny ** 0.5)
     total = cells.counts.max(axis=0)
     number, ours = np.maximum(total, 1.0), np.abs(cells.ours)
@@ -59,7 +61,9 @@ def model_weights(cells: Cells, pools: Pools) -> Floats:
     spread = spread_out(mean, ours.shape)
     seen = np.abs(cells.seen) / number
     hot = np.maximum(ours / number - HOT * spread, 0.0)
-    noise = a + b * spread + e * spread**2 + c * (seen.max() * seen + hot**2)
+    noise = (
+        a + b * spread + e * np.maximum(spread - x1, 0.0) ** 2 + c * (seen.max() * seen + hot**2)
+    )
     weight = 1.0 / (number * noise)
     return weight / weight.max() * (cells.counts > 0)
 

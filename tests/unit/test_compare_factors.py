@@ -109,3 +109,17 @@ def test_layers_that_cannot_be_told_apart_are_a_group(layers, noise, groups):
     layers = np.stack(layers) if len(layers) else layers
     noise = noise * layers * np.random.default_rng(8).normal(size=(2, *layers.shape))
     assert find_groups(layers + noise[0], noise[1], np.ones(layers.shape[1])) == groups
+
+
+def test_noise_that_grows_as_the_light_is_not_followed():
+    """Two tiles beside a glowing mesh hold nearly all light, and little that is known."""
+    rng = np.random.default_rng(9)
+    light = np.ones((H, W, 3))
+    light[:16, :32] = 100.0
+    near = light > 1.0
+    noise, own = np.where(near, 0.5 * light, 0.05), np.where(near, 0.2 * light, 0.0)
+    drawn = own * rng.normal(size=light.shape)
+    film = film_of({'Lamp': light + own * rng.normal(size=light.shape)}, own**2, {'Lamp': drawn})
+    known = known_factors(film, light + noise * rng.normal(size=(16, H, W, 3)))
+    best = 0.05 / np.sqrt(16 * np.count_nonzero(~near))
+    assert abs(known.value[0] - 1.0) < 4.0 * known.error[0] < 8.0 * best
