@@ -11,7 +11,7 @@ from bpy.props import StringProperty
 from . import beside
 from .checking import POLL_S, Check
 from .images import show_difference
-from .text import say
+from .shared import Action, InProperties, say
 
 ICONS = {'agree': 'CHECKMARK', 'differ': 'CANCEL', 'undecided': 'QUESTION'}
 _checks: list[Check] = []  # the last one
@@ -55,17 +55,16 @@ class RADIOMETRIC_OT_check(bpy.types.Operator):
         return {'FINISHED'}
 
 
-class RADIOMETRIC_OT_check_cancel(bpy.types.Operator):
+class RADIOMETRIC_OT_check_cancel(Action, bpy.types.Operator):
     """Stop the check."""
 
     bl_idname = "radiometric.check_cancel"
     bl_label = "Cancel"
     bl_options = {'INTERNAL'}
 
-    def execute(self, context: Any) -> Any:
+    def work(self, context: Any) -> None:
         if check := _last():
             check.cancel()
-        return {'FINISHED'}
 
 
 class RADIOMETRIC_OT_select(bpy.types.Operator):
@@ -89,38 +88,34 @@ class RADIOMETRIC_OT_select(bpy.types.Operator):
         return {'FINISHED'}
 
 
-class RADIOMETRIC_OT_report(bpy.types.Operator):
+class RADIOMETRIC_OT_report(Action, bpy.types.Operator):
     """Open the report of the last check in the browser."""
 
     bl_idname = "radiometric.report"
     bl_label = "Report"
     bl_options = {'INTERNAL'}
 
-    def execute(self, context: Any) -> Any:
+    def work(self, context: Any) -> None:
         if check := _last():
             bpy.ops.wm.url_open(url=(check.folder / "report.html").as_uri())
-        return {'FINISHED'}
 
 
-class RADIOMETRIC_OT_difference(bpy.types.Operator):
+class RADIOMETRIC_OT_difference(Action, bpy.types.Operator):
     """Show where Cycles differs: red is brighter than it should be, blue darker."""
 
     bl_idname = "radiometric.difference"
     bl_label = "Difference"
     bl_options = {'INTERNAL'}
 
-    def execute(self, context: Any) -> Any:
+    def work(self, context: Any) -> None:
         if check := _last():
             show_difference(check.folder / "difference.exr", context.scene.radiometric.tolerance)
-        return {'FINISHED'}
 
 
-class RADIOMETRIC_RENDER_PT_check(bpy.types.Panel):
+class RADIOMETRIC_RENDER_PT_check(InProperties, bpy.types.Panel):
     """The check, its progress and its answer."""
 
     bl_label = "Radiometric Check"
-    bl_space_type = 'PROPERTIES'
-    bl_region_type = 'WINDOW'
     bl_context = 'render'
 
     def draw(self, context: Any) -> None:

@@ -8,11 +8,10 @@ from typing import Any
 import bpy
 
 from .engine import ENGINE
+from .shared import InProperties
 
 
-class _Panel:
-    bl_space_type = 'PROPERTIES'
-    bl_region_type = 'WINDOW'
+class _Panel(InProperties):
     bl_context = 'render'
     properties: tuple[str, ...] = ()
 

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ..blender_rad.errors import RadError
+from .shared import Action
 
 TOLERANCES_SHOWN = 5.0  # at which the colours of a difference end
 
@@ -77,11 +78,7 @@ def _exr(context: Any, scratch: Path) -> Path:
     return scratch
 
 
-def _film_exposure(bl_scene: Any) -> float:
-    return bl_scene.cycles.film_exposure if bl_scene.render.engine == 'CYCLES' else 1.0
-
-
-class RADIOMETRIC_OT_false_colour(bpy.types.Operator):
+class RADIOMETRIC_OT_false_colour(Action, bpy.types.Operator):
     """Draw the render result, or the picture shown, in colours with a legend in lux or cd/m²."""
 
     bl_idname = "radiometric.false_colour"
@@ -96,28 +93,24 @@ class RADIOMETRIC_OT_false_colour(bpy.types.Operator):
         ),
     )
 
-    def execute(self, context: Any) -> Any:
+    def work(self, context: Any) -> None:
         from ..blender_rad.photometry import falsecolor
 
-        own = context.scene.radiometric
-        exposure = _film_exposure(context.scene)
+        scene = context.scene
+        own, by_cycles = scene.radiometric, scene.render.engine == 'CYCLES'
+        exposure = scene.cycles.film_exposure if by_cycles else 1.0
         with tempfile.TemporaryDirectory() as folder:
             drawn = Path(folder) / "picture.png"
-            try:
-                file = _exr(context, drawn.with_suffix(".exr"))
-                light = falsecolor.read_map(
-                    file, self.quantity, efficacy_lm_W=own.efficacy, exposure=exposure
-                )
-                low, high = own.low or None, own.high or None
-                limits = falsecolor.value_range(light.values, own.scale, low, high)
-                falsecolor.write_map(light, drawn, own.scale, limits)
-            except (RadError, ModuleNotFoundError) as error:
-                self.report({'ERROR'}, str(error))
-                return {'CANCELLED'}
+            file = _exr(context, drawn.with_suffix(".exr"))
+            light = falsecolor.read_map(
+                file, self.quantity, efficacy_lm_W=own.efficacy, exposure=exposure
+            )
+            low, high = own.low or None, own.high or None
+            limits = falsecolor.value_range(light.values, own.scale, low, high)
+            falsecolor.write_map(light, drawn, own.scale, limits)
             for finding in light.findings:
                 self.report({'INFO'}, str(finding))
             show_image(drawn, f"{self.quantity.capitalize()} [{light.unit}]")
-        return {'FINISHED'}
 
 
 class RADIOMETRIC_IMAGE_PT_false_colour(bpy.types.Panel):

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..blender_rad.errors import RadError
 from . import beside, live
 from .lint_panel import ICONS
-from .text import say
+from .shared import Action, InProperties, say
 
 if TYPE_CHECKING:
     from ..blender_rad.laws import Judged
@@ -31,31 +30,23 @@ def _taken(found: Future[list[Judged]]) -> None:
     beside.redraw('PROPERTIES')
 
 
-class RADIOMETRIC_OT_laws(bpy.types.Operator):
+class RADIOMETRIC_OT_laws(Action, bpy.types.Operator):
     """Put the materials in view to positivity, reciprocity and conservation of energy."""
 
     bl_idname = "radiometric.laws"
     bl_label = "Check the Laws of Reflection"
 
-    def execute(self, context: Any) -> Any:
+    def work(self, context: Any) -> None:
         from ..blender_rad.laws import judge
 
-        try:
-            scene = live.scene_of(context.evaluated_depsgraph_get())
-        except (RadError, ModuleNotFoundError) as error:
-            self.report({'ERROR'}, str(error))
-            return {'CANCELLED'}
-        beside.begin(_taken, judge, scene)
-        return {'FINISHED'}
+        beside.begin(_taken, judge, live.scene_of(context.evaluated_depsgraph_get()))
 
 
-class RADIOMETRIC_PT_laws(bpy.types.Panel):
+class RADIOMETRIC_PT_laws(InProperties, bpy.types.Panel):
     """What the last check says of the material."""
 
     bl_label = "Laws of Reflection"
     bl_parent_id = "RADIOMETRIC_PT_material"
-    bl_space_type = 'PROPERTIES'
-    bl_region_type = 'WINDOW'
     bl_context = "material"
     bl_options = {'DEFAULT_CLOSED'}
 

@@ -10,20 +10,10 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
+from ..blender_rad.errors import RadError
 from . import readout, stating
-from .text import say
+from .shared import Action, InProperties, say
 
-QUANTITIES = {
-    'W': "Flux",
-    'lm': "Flux",
-    'cd': "Intensity",
-    'W/sr': "Intensity",
-    'lx': "Illuminance",
-    'W/m2': "Irradiance",
-    'cd/m2': "Luminance",
-    'W/m2/sr': "Radiance",
-    'EV100': "Luminance",
-}
 READ = (  # what, its key, and its unit
     ("Flux Φ", "luminous_flux_lm", "lm"),
     ("Φ", "radiant_flux_W", "W"),
@@ -60,21 +50,19 @@ class RADIOMETRIC_MT_unit(bpy.types.Menu):
 
 def draw_value(layout: Any, block: Any) -> str:
     """Draw value and unit; return the unit."""
+    from ..blender_rad.quantities import unit_named
+
     unit = stating.unit_of(block)
+    quantity = unit_named(unit).quantity.words.split()[-1].capitalize()
     row = layout.row(align=True)
-    row.prop(block.radiometry, "value", text=QUANTITIES[unit])
+    row.prop(block.radiometry, "value", text=quantity)
     menu = row.row(align=True)
     menu.ui_units_x = 3.0
     menu.menu(RADIOMETRIC_MT_unit.__name__, text=stating.LABELS[unit])
     return unit
 
 
-class _Data:
-    bl_space_type = 'PROPERTIES'
-    bl_region_type = 'WINDOW'
-
-
-class RADIOMETRIC_PT_light(_Data, bpy.types.Panel):
+class RADIOMETRIC_PT_light(InProperties, bpy.types.Panel):
     """States a light in its unit."""
 
     bl_label = "Radiometry"
@@ -120,7 +108,7 @@ def _asked(light: Any, name: str | None, point: Any) -> bytes:
     return pickle.dumps((stating.record_of(light, matrix), stating.convention(group), model, point))
 
 
-class RADIOMETRIC_PT_emits(_Data, bpy.types.Panel):
+class RADIOMETRIC_PT_emits(InProperties, bpy.types.Panel):
     """Reads what a light emits."""
 
     bl_label = "What It Emits"
@@ -159,7 +147,7 @@ class RADIOMETRIC_PT_emits(_Data, bpy.types.Panel):
             say(notes, context, note.replace("--", ""), 'DOT')
 
 
-class _Glow(_Data):
+class _Glow(InProperties):
     bl_label = "Radiometry"
     bl_options = {'DEFAULT_CLOSED'}
 
@@ -190,7 +178,7 @@ class RADIOMETRIC_PT_world(_Glow, bpy.types.Panel):
     bl_context = "world"
 
 
-class RADIOMETRIC_OT_keys_to_power(bpy.types.Operator):
+class RADIOMETRIC_OT_keys_to_power(Action, bpy.types.Operator):
     """Move the keys of the value to Blender's own power, which needs no add-on where it renders."""
 
     bl_idname = "radiometric.keys_to_power"
@@ -201,16 +189,13 @@ class RADIOMETRIC_OT_keys_to_power(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return getattr(context, "light", None) is not None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        light = context.light
-        if stating.unit_of(light) == 'EV100':
-            self.report({'ERROR'}, "EV is not in proportion to power: choose another unit first")
-            return {'CANCELLED'}
-        stating.move_keys(light)
-        return {'FINISHED'}
+    def work(self, context: bpy.types.Context) -> None:
+        if stating.unit_of(context.light) == 'EV100':
+            raise RadError("EV is not in proportion to power", "Unit", "choose another first")
+        stating.move_keys(context.light)
 
 
-class RADIOMETRIC_OT_source(bpy.types.Operator):
+class RADIOMETRIC_OT_source(Action, bpy.types.Operator):
     """Make the active light a real one, with its lumens, colour and size."""
 
     bl_idname = "radiometric.source"
@@ -230,7 +215,7 @@ class RADIOMETRIC_OT_source(bpy.types.Operator):
         context.window_manager.invoke_search_popup(self)
         return {'RUNNING_MODAL'}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> None:
         from .sources import SOURCES, apply
 
         light = getattr(context, "light", None)
@@ -238,24 +223,17 @@ class RADIOMETRIC_OT_source(bpy.types.Operator):
         if light is None and active is not None and active.type == 'LIGHT':
             light = active.data
         if self.add:
-            light = _placed(context, bpy.data.lights.new(self.source, 'POINT')).data
+            light = bpy.data.lights.new(self.source, 'POINT')
+            at_cursor(context, bpy.data.objects.new(light.name, light))
         if light is None:
-            self.report({'ERROR'}, "No light: select one, or add one")
-            return {'CANCELLED'}
+            raise RadError("no light", "Real Light Source", "select one, or add one")
         source = SOURCES[self.source]
         apply(light, source)
         self.report({'INFO'}, f"{self.source}: ± {source.uncertainty_percent:g} %, {source.origin}")
-        return {'FINISHED'}
 
 
-def _placed(context: bpy.types.Context, data: Any) -> Any:
-    """Return a new active object of `data` at the 3D cursor."""
-    placed = bpy.data.objects.new(data.name, data)
-    return at_cursor(context, placed)
-
-
-def at_cursor(context: bpy.types.Context, placed: Any) -> Any:
-    """Return `placed` in the active collection at the 3D cursor, selected alone."""
+def at_cursor(context: bpy.types.Context, placed: Any) -> None:
+    """Put an object into the active collection at the 3D cursor, selected alone."""
     if not placed.users_collection:
         context.collection.objects.link(placed)
     placed.location = context.scene.cursor.location
@@ -263,10 +241,9 @@ def at_cursor(context: bpy.types.Context, placed: Any) -> Any:
         other.select_set(False)
     placed.select_set(True)
     context.view_layer.objects.active = placed
-    return placed
 
 
-class RADIOMETRIC_OT_luminaire(bpy.types.Operator):
+class RADIOMETRIC_OT_luminaire(Action, bpy.types.Operator):
     """Add a luminaire from its photometric file: its candelas, and its luminous opening."""
 
     bl_idname = "radiometric.luminaire"
@@ -280,22 +257,16 @@ class RADIOMETRIC_OT_luminaire(bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {'RUNNING_MODAL'}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> None:
         from ..blender_rad.bpy_io.ies import add_photometric_light
-        from ..blender_rad.errors import RadError
         from ..blender_rad.photometry import read_photometry
 
-        try:
-            found = read_photometry(self.filepath)
-            lamp = add_photometric_light(found)
-        except RadError as error:
-            self.report({'ERROR'}, str(error))
-            return {'CANCELLED'}
+        found = read_photometry(self.filepath)
+        lamp = add_photometric_light(found)
         at_cursor(context, lamp)
         _outline(context, lamp, found.opening)
         for finding in found.findings:
             self.report({'INFO' if finding.severity == "info" else 'WARNING'}, str(finding))
-        return {'FINISHED'}
 
 
 def _outline(context: bpy.types.Context, lamp: Any, opening: Any) -> None:

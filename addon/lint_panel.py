@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
 
-from ..blender_rad.errors import Finding, RadError
+from ..blender_rad.errors import Finding
 from . import beside
 from .engine import ENGINE
-from .text import say
+from .shared import Action, InProperties, say
 
 ICONS = {'error': 'CANCEL', 'warning': 'ERROR', 'info': 'INFO'}
 
@@ -83,7 +83,7 @@ class RADIOMETRIC_PG_lint(bpy.types.PropertyGroup):
     busy: bpy.props.BoolProperty()
 
 
-class RADIOMETRIC_OT_lint(bpy.types.Operator):
+class RADIOMETRIC_OT_lint(Action, bpy.types.Operator):
     """List the settings that bias the light of a render, each with its effect, beside your work."""
 
     bl_idname = "radiometric.lint"
@@ -93,13 +93,8 @@ class RADIOMETRIC_OT_lint(bpy.types.Operator):
     def poll(cls, context: Any) -> bool:
         return not context.window_manager.radiometric_lint.busy
 
-    def execute(self, context: Any) -> Any:
-        try:
-            begin(context)
-        except (RadError, ModuleNotFoundError) as error:
-            self.report({'ERROR'}, str(error))
-            return {'CANCELLED'}
-        return {'FINISHED'}
+    def work(self, context: Any) -> None:
+        begin(context)
 
 
 class RADIOMETRIC_OT_fix(bpy.types.Operator):
@@ -155,12 +150,10 @@ class RADIOMETRIC_UL_findings(bpy.types.UIList):
             properties.code, properties.about = item.code, item.about
 
 
-class RADIOMETRIC_RENDER_PT_lint(bpy.types.Panel):
+class RADIOMETRIC_RENDER_PT_lint(InProperties, bpy.types.Panel):
     """What biases the light of the scene."""
 
     bl_label = "Radiometric Linter"
-    bl_space_type = 'PROPERTIES'
-    bl_region_type = 'WINDOW'
     bl_context = 'render'
     bl_options = {'DEFAULT_CLOSED'}
 

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from ..blender_rad.errors import RadError
 from .metering import ERROR, MET, STATE, illuminance, marks, meters, reread, scene_now, show, start
-from .text import say
+from .shared import Action, say
 
 KINDS: Any = (
     ('LUX', "Lux Meter", "Illuminance on a surface that faces along its Z", 'LIGHT_SUN'),
@@ -62,7 +62,7 @@ class RADIOMETRIC_PG_meter(bpy.types.PropertyGroup):
     )
 
 
-class RADIOMETRIC_OT_add_meter(bpy.types.Operator):
+class RADIOMETRIC_OT_add_meter(Action, bpy.types.Operator):
     """Add a meter at the 3D cursor, looking up; turn it to where it shall look."""
 
     bl_idname = "radiometric.add_meter"
@@ -71,7 +71,7 @@ class RADIOMETRIC_OT_add_meter(bpy.types.Operator):
 
     kind: EnumProperty(name="Kind", items=[kind[:3] for kind in KINDS])
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> None:
         from .light_panel import at_cursor
 
         metre = context.scene.unit_settings.scale_length or 1.0
@@ -92,7 +92,6 @@ class RADIOMETRIC_OT_add_meter(bpy.types.Operator):
                 made["meter"] = "lux"  # what `measure` reads on a command line
         made.radiometric_meter.kind = self.kind
         at_cursor(context, made)
-        return {'FINISHED'}
 
 
 class RADIOMETRIC_OT_read_meters(bpy.types.Operator):
@@ -102,17 +101,14 @@ class RADIOMETRIC_OT_read_meters(bpy.types.Operator):
     bl_label = "Read Meters"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            start(context)
-        except RadError as error:
-            STATE.error = str(error)
+        start(context)
         if STATE.error:
             self.report({'ERROR'}, STATE.error)
             return {'CANCELLED'}
         return {'FINISHED'}
 
 
-class RADIOMETRIC_OT_standard(bpy.types.Operator):
+class RADIOMETRIC_OT_standard(Action, bpy.types.Operator):
     """Take the target of a standard for the active meter."""
 
     bl_idname = "radiometric.standard"
@@ -131,13 +127,12 @@ class RADIOMETRIC_OT_standard(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.object is not None and context.object.radiometric_meter.kind != 'NONE'
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, context: bpy.types.Context) -> None:
         own = context.object.radiometric_meter
         own.target, own.uniformity = STANDARDS[self.task]
-        return {'FINISHED'}
 
 
-class RADIOMETRIC_OT_solve(bpy.types.Operator):
+class RADIOMETRIC_OT_solve(Action, bpy.types.Operator):
     """Set the power of the lights so that the meters read their targets, as near as may be."""
 
     bl_idname = "radiometric.solve"
@@ -146,17 +141,7 @@ class RADIOMETRIC_OT_solve(bpy.types.Operator):
 
     selected: BoolProperty(name="Selected Lights Only", description="Leave the others as they are")
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            missed = self._solve(context)
-        except RadError as error:
-            self.report({'ERROR'}, str(error))
-            return {'CANCELLED'}
-        if missed:
-            self.report({'WARNING'}, f"Out of reach: {', '.join(missed)}")
-        return {'FINISHED'}
-
-    def _solve(self, context: bpy.types.Context) -> list[str]:
+    def work(self, context: bpy.types.Context) -> None:
         import numpy as np
 
         from ..blender_rad.bpy_io.powers import scale_power
@@ -178,8 +163,9 @@ class RADIOMETRIC_OT_solve(bpy.types.Operator):
             scale_power(context.scene, str(name), float(factor))
         context.view_layer.update()
         start(context)
-        off = np.abs(shares[:, free] @ found - wanted)
-        return [p.name for p, by in zip(chosen, off, strict=True) if by > MET * targets[p.name]]
+        off = zip(chosen, np.abs(shares[:, free] @ found - wanted), strict=True)
+        if missed := [place.name for place, by in off if by > MET * targets[place.name]]:
+            self.report({'WARNING'}, f"Out of reach: {', '.join(missed)}")
 
 
 class RADIOMETRIC_PT_meters(bpy.types.Panel):

@@ -140,7 +140,11 @@ def read(scene: Any, places: list[Place], efficacy: float, error: float) -> dict
 def start(context: bpy.types.Context) -> None:
     """Have the meters read on a thread; the scene's arrays are taken here and now."""
     STATE.stale = False
-    scene, places = scene_now(context)
+    try:
+        scene, places = scene_now(context)
+    except (RadError, ModuleNotFoundError) as error:
+        STATE.error = str(error)
+        return
     STATE.running = True
     beside.begin(_taken, read, scene, places, context.scene.radiometric.efficacy, ERROR)
 
@@ -165,10 +169,7 @@ def _again() -> None:
     """Read where that is wanted, and nothing is under way; as a timer too."""
     scene = bpy.context.scene
     if STATE.stale and not STATE.running and scene.radiometric_live and marks(scene):
-        try:
-            start(bpy.context)
-        except (RadError, ModuleNotFoundError) as error:
-            STATE.error = str(error)
+        start(bpy.context)
 
 
 def _wait() -> None:

@@ -1,13 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts that fit a panel of any width."""
+"""What panels and operators share: texts that fit any width, words for what goes wrong."""
 
 from __future__ import annotations
 
 import textwrap
 from typing import Any
 
+from ..blender_rad.errors import RadError
+
 LETTER = 6.5  # px of a letter at a UI scale of 1, on average
 AROUND, LEAST = 9, 20  # letters that icon and margins take, and of the narrowest line
+
+
+class InProperties:
+    """A panel of the Properties editor."""
+
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+
+
+class Action:
+    """An operator that does its `work`, or says why it cannot."""
+
+    def execute(self: Any, context: Any) -> Any:
+        try:
+            self.work(context)
+        except (RadError, ModuleNotFoundError) as error:  # the preferences say what is missing
+            self.report({'ERROR'}, str(error))
+            return {'CANCELLED'}
+        return {'FINISHED'}
 
 
 def say(layout: Any, context: Any, text: str, icon: str) -> None:
