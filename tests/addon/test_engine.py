@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,56 +12,10 @@ import OpenEXR
 import pytest
 
 import blender_rad
-from tests.addon.building import run
 
 pytestmark = pytest.mark.blender
 
-SIZE = (48, 32)  # pixels
 AT = (slice(0, 16), slice(12, 36))  # of the border: the upper half's middle, row 0 at the top
-
-
-def sky(turn: tuple[float, float, float]) -> None:
-    """Light the scene by a small environment image and by a Sky Texture with its sun."""
-    import bpy
-
-    from tests.blender.reading import node, shows, with_nodes, world
-
-    pixels = np.ones((16, 32, 4), np.float32)
-    pixels[..., :3] = np.random.default_rng(1).uniform(0.1, 0.5, (16, 32, 3))
-    image = bpy.data.images.new("Sky", 32, 16, float_buffer=True)
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()
-    tree = with_nodes(world("Sky"))
-    mapping = node(tree, "Mapping", node(tree, "TexCoord").outputs["Generated"], Rotation=turn)
-    parts = node(tree, "TexEnvironment", mapping, image=image), node(tree, "TexSky")
-    shows(tree, node(tree, "AddShader", *(node(tree, "Background", part) for part in parts)))
-
-
-@pytest.fixture(scope="module")
-def done(zip_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder with what the installed extension made of a scene."""
-    import bpy
-
-    folder = tmp_path_factory.mktemp("engine")
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    scene = bpy.context.scene
-    bpy.ops.mesh.primitive_plane_add(size=20)
-    bpy.ops.object.light_add(type='POINT', location=(0, 0, 2))
-    bpy.context.object.data.shadow_soft_size = 0.0
-    sky((0.4, -0.3, 2.0))
-    bpy.ops.object.camera_add(location=(0, 0, 5))
-    scene.camera = bpy.context.object
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "desk.blend"))
-    script = Path(__file__).with_name("_render_and_check.py")
-    user = {"BLENDER_USER_RESOURCES": str(tmp_path_factory.mktemp("user")), "PYTHONPATH": ""}
-    run(script, zip_path, folder / "desk.blend", folder, **user)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def story(done: Path) -> dict[str, object]:
-    return json.loads((done / "story.json").read_text())
 
 
 def channels(path: Path) -> dict[str, np.ndarray]:

@@ -1,17 +1,72 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run in a Blender of its own: render in the engine, check against Cycles, write what came of it.
+"""Run in a Blender of its own: come, go, render, check against Cycles, write what came of it.
 
-Usage: _render_and_check.py ZIP SCENE.blend FOLDER, with BLENDER_USER_RESOURCES an empty folder.
+Usage: _in_blender.py ZIP SCENE.blend FOLDER, with BLENDER_USER_RESOURCES an empty folder.
 """
 
+import importlib
 import json
 import sys
+import time
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
 
 MODULE = "bl_ext.user_default.radiometric"
+LIBRARY = f"{MODULE}.blender_rad"
+REGISTRIES = {"lights": "LIGHTS", "commands": "COMMANDS", "compare.metrics": "METRICS"}
+
+
+def traces() -> set[str]:
+    """Return names of all that an add-on can leave in a running Blender."""
+    types = bpy.types
+    classes = {f"class {name}" for name in dir(types)}
+    subclasses = {
+        f"subclass {cls.__module__}.{cls.__name__}"
+        for base in (types.AddonPreferences, types.Panel, types.Operator, types.RenderEngine)
+        for cls in base.__subclasses__()
+        if getattr(cls, "is_registered", False)
+    }
+    properties = {
+        f"property {owner}.{name}"
+        for owner in ("Light", "Object", "Scene", "World", "Material", "WindowManager", "ID")
+        for name in getattr(types, owner).bl_rna.properties.keys()
+    }
+    handlers = {
+        f"handler {name} {getattr(entry, '__module__', '')}.{getattr(entry, '__name__', entry)}"
+        for name in dir(bpy.app.handlers)
+        if isinstance(entries := getattr(bpy.app.handlers, name), list)
+        for entry in entries
+    }
+    modules = {f"module {name}" for name in sys.modules if name.startswith(f"{MODULE}.")}
+    return classes | subclasses | properties | handlers | modules
+
+
+def come_and_go() -> dict[str, object]:
+    """Enable and disable twice; return what happened."""
+    import addon_utils  # to be found only once bpy is there
+
+    story = {"enabled": [], "seconds": [], "left_behind": [], "loaded_by_enabling": []}
+    for _ in range(2):
+        before, modules = traces(), set(sys.modules)
+        start = time.perf_counter()
+        addon_utils.enable(MODULE, default_set=True)
+        story["seconds"].append(time.perf_counter() - start)
+        story["enabled"].append(addon_utils.check(MODULE)[1])
+        story["loaded_by_enabling"] += sorted(set(sys.modules) - modules)
+        story["registered"] = sorted(traces() - before)
+        story["library_version"] = importlib.import_module(LIBRARY).__version__
+        story["registries"] = {
+            package: sorted(getattr(importlib.import_module(f"{LIBRARY}.{package}"), name))
+            for package, name in REGISTRIES.items()
+        }
+        addon_utils.disable(MODULE, default_set=True)
+        story["left_behind"].append(sorted(traces() - before))
+    manifest = Path(sys.modules[MODULE].__file__).with_name("blender_manifest.toml")
+    story["manifest_version"] = tomllib.loads(manifest.read_text())["version"]
+    return story
 
 
 def engines() -> dict[str, list[str]]:
@@ -57,7 +112,7 @@ def main(zip_path: str, scene: str, out: str) -> None:
     bpy.ops.extensions.package_install_files(
         filepath=zip_path, repo="user_default", enable_on_install=False
     )
-    panels = engines()
+    story, panels, before = come_and_go(), engines(), traces()
     addon_utils.enable(MODULE, default_set=True)
     opened = {name for name, kinds in engines().items() if 'RADIOMETRIC' in kinds}
     bpy.ops.wm.open_mainfile(filepath=scene)
@@ -87,7 +142,7 @@ def main(zip_path: str, scene: str, out: str) -> None:
     checked = bpy.ops.radiometric.check()
     shown = bpy.ops.radiometric.difference()
     check = sys.modules[f"{MODULE}.addon.check_panel"]._last()
-    story = {
+    story |= {
         "opened": sorted(opened),
         "results": [sorted(result) for result in (false_colour, checked, shown)],
         "images": {i.name: i.size[:] for i in bpy.data.images if i.packed_file},
@@ -97,6 +152,8 @@ def main(zip_path: str, scene: str, out: str) -> None:
         "cancelled_check": cancelled_check(),
     }
     addon_utils.disable(MODULE, default_set=True)
+    story["left_behind"].append(sorted(traces() - before))
+    story["outside_package_loaded"] = "blender_rad" in sys.modules
     story["closed"] = {name: engines().get(name) for name in panels} == panels
     (folder / "story.json").write_text(json.dumps(story))
 
