@@ -130,13 +130,13 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     others = [leaf for leaf in closures if leaf.node.bl_idname != "ShaderNodeEmission"]
     corrected = getattr(bl_material.cycles, "use_bump_map_correction", True)
     shaded = [_shaded(leaf, corrected, ask) for leaf in others]
-    glowing = [(leaf, _emission(leaf)) for leaf in closures]
+    glowing = [(leaf, *_emission(leaf)) for leaf in closures]
     passing = [_transmittance(leaf) for leaf in closures]
     passes = any(rgb is None or not nodes.is_zero(rgb) for rgb in passing)
     half = passes and not bl_material.use_transparent_shadow  # Cycles' BSDF sampling sees through
     held = (leaf.weight for leaf in others if leaf.node.bl_idname == _HOLDOUT)
     glass = any(_does(leaf, _GLASS) for leaf in closures)
-    unknown = [f"Emission of {nodes.feature(leaf)}" for leaf, rgb in glowing if rgb is None][:1]
+    unknown = [f"Emission of {nodes.feature(leaf)}" for leaf, rgb, _ in glowing if rgb is None][:1]
     dark = unknown or ["Volume emission"] * any(_does(leaf, _GLOWING) for leaf in volume)
     features = [each for each in shaded if isinstance(each, str)]
     features += ["Volume"] * bool(volume)
@@ -146,7 +146,7 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     material = Material(
         name=name,
         **_parts("albedo", (each for each in shaded if isinstance(each, Expression))),
-        **_parts("emission", (rgb for _, rgb in glowing if rgb)),
+        **_parts("emission", (rgb for _, rgb, _ in glowing if rgb)),
         **_parts("transmittance", filter(None, passing)),
         **_parts("holdout", filter(None, held)),
         emission_known=not dark,
@@ -161,7 +161,7 @@ def _from_output(bl_material: Any, output: Any, ask: Asking | None) -> Surface:
     )
     return Surface(
         full=material,
-        glow=nodes.split(filter(None, (_emission(leaf, bare=True) for leaf in closures))),
+        glow=nodes.split(bare for *_, bare in glowing if bare),
         reflects=bool(others),
         unknown_emission="".join(unknown),
         transmits=passes or bool(volume) or glass,
@@ -218,31 +218,29 @@ def _input(leaf: Leaf, socket: Any, ask: Ask | None) -> Expression | None:
     return nodes.read(socket, leaf.groups, ask)
 
 
-def _emission(leaf: Leaf, bare: bool = False) -> Expression | None:
-    """Return the radiance that a closure emits, None when it may emit and is not known.
+def _emission(leaf: Leaf) -> tuple[Expression | None, Expression | None]:
+    """Return the radiance that a closure emits, and what it would be without coat and sheen.
 
-    What is `bare` has no coat and no sheen.
+    None when it may emit and is not known.
     """
-    kind = leaf.node.bl_idname
-    if kind == "ShaderNodeEmission":
-        return nodes.leaf_emission(leaf)
+    kind, rgb = leaf.node.bl_idname, nodes.NOTHING
     if kind == "ShaderNodeScript":
-        return None
-    if kind != _PRINCIPLED:
-        return nodes.NOTHING
-    rgb = nodes.leaf_emission(leaf, "Emission Strength", "Emission Color")
-    if rgb is None or nodes.is_zero(rgb):
-        return rgb
+        rgb = None
+    elif kind == "ShaderNodeEmission":
+        rgb = nodes.leaf_emission(leaf)
+    elif kind == _PRINCIPLED:
+        rgb = nodes.leaf_emission(leaf, "Emission Strength", "Emission Color")
+    if kind != _PRINCIPLED or rgb is None or nodes.is_zero(rgb):
+        return rgb, rgb
     sockets = {s.name: s for s in leaf.node.inputs if s.name.startswith(_ABOVE_EMISSION)}
     inputs = {name: _input(leaf, socket, None) for name, socket in sockets.items()}
     known = {name: each for name, each in inputs.items() if each}
     alpha = _clipped(known.get("Alpha"))
     if len(known) < len(inputs) or alpha is None:
-        return None
+        return None, None
     layers = {nodes.input_number(leaf, name) for name in ("Coat Weight", "Sheen Weight")}
-    if bare or layers == {0.0}:
-        return rgb * alpha
-    return rgb * Expression("EMITTED", inputs=known)
+    bare = rgb * alpha
+    return (bare if layers == {0.0} else rgb * Expression("EMITTED", inputs=known)), bare
 
 
 def _transmittance(leaf: Leaf) -> Expression | None:
