@@ -101,13 +101,13 @@ def _begin(bl_world: Any, bl_scene: Any) -> Callable[..., tuple[SkyMap, ...]]:
         file = bpy.path.abspath(world.library.filepath)
     else:
         bpy.data.libraries.write(file, {world}, path_remap='ABSOLUTE')
-    frame, out = (bl_scene.frame_current, bl_scene.frame_subframe), str(folder / "maps.npz")
+    frame, out = (bl_scene.frame_current, bl_scene.frame_subframe), str(folder / "maps.pickle")
     arguments = (file, world.name, frame, working_space(), out)
     process = another.start(_CODE.format(arguments=arguments), folder / "log.txt")
     _processes.append(process)
 
     def wait(cancelled: Callable[[], bool] = lambda: False) -> tuple[SkyMap, ...]:
-        from ..blender_rad.bpy_io.sky import maps_of
+        from ..blender_rad.lights import SkyMap
         from ..blender_rad.rendering import CancelledError
 
         with scratch:
@@ -124,7 +124,7 @@ def _begin(bl_world: Any, bl_scene: Any) -> Callable[..., tuple[SkyMap, ...]]:
                 said = (folder / "log.txt").read_text(encoding="utf-8", errors="replace")
                 last = (said.splitlines() or ["it said nothing"])[-1]
                 raise RadError("its sky could not be measured", f"world {world.name}", last)
-            return maps_of(out)
+            return tuple(SkyMap(*parts) for parts in pickle.loads(Path(out).read_bytes()))
 
     return wait
 

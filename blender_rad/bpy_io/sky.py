@@ -11,8 +11,10 @@ discs that Sky Textures have for suns are taken out of the sky and measured apar
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -69,7 +71,7 @@ def measure_sky(bl_world: Any, frame: tuple[int, float]) -> tuple[SkyMap, ...]:
 
 
 def measure_file(file: str, name: str, frame: tuple[int, float], space: str, out: str) -> None:
-    """Measure a world of a file for another Blender: `maps_of` reads what `out` then holds."""
+    """Measure a world of a file for another Blender: `out` pickles what each `SkyMap` is of."""
     if bpy.app.version >= (5, 0):
         operators: Any = bpy.ops.wm
         operators.set_working_color_space(working_space=space, convert_colors=False)
@@ -77,17 +79,8 @@ def measure_file(file: str, name: str, frame: tuple[int, float], space: str, out
     with libraries.load(file) as (_, wanted):
         wanted.worlds = [name]
     maps = measure_sky(wanted.worlds[0], frame)
-    np.savez(out, *(part for m in maps for part in (m.radiance, m.map_from_world, m.half)))
-
-
-def maps_of(file: str) -> tuple[SkyMap, ...]:
-    """Return the maps that `measure_file` has written."""
-    with np.load(file) as arrays:
-        parts = [arrays[name] for name in arrays]
-    return tuple(
-        SkyMap(radiance, axes, (float(half[0]), float(half[1])))
-        for radiance, axes, half in zip(parts[::3], parts[1::3], parts[2::3], strict=True)
-    )
+    parts = [(each.radiance, each.map_from_world, each.half) for each in maps]
+    Path(out).write_bytes(pickle.dumps(parts))
 
 
 def contents(block: Any, frame: float) -> tuple[Any, ...]:
