@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
+
+from .expressions import plain_properties
 
 _PLUMBING = {
     *("CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer"),
@@ -24,14 +25,11 @@ def render_settings(bl_scene: Any) -> dict[str, Any]:
         "render.image_settings": bl_scene.render.image_settings,
         "view_settings": bl_scene.view_settings,
     }
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        found = {
-            f"{path}.{prop.identifier}": getattr(block, prop.identifier)
-            for path, block in blocks.items()
-            for prop in block.bl_rna.properties
-            if prop.type in {"BOOLEAN", "INT", "FLOAT", "ENUM"}
-        }
+    found = {
+        f"{path}.{name}": value
+        for path, block in blocks.items()
+        for name, value in plain_properties(block).items()
+    }
     layers = bl_scene.view_layers
     override = next((layer for layer in layers if layer.use), layers[0]).material_override
     editor = bl_scene.sequence_editor
