@@ -130,24 +130,21 @@ def file_findings() -> list[Finding]:
 
 
 def _blocked_drivers() -> Iterator[tuple[str, str, str]]:
+    why = "cannot run without scripts or fails; its value may be 0"
     for block in bpy.data.user_map():
-        trees = (block, getattr(block, "node_tree", None))
-        for animation in filter(None, (getattr(tree, "animation_data", None) for tree in trees)):
-            for curve in animation.drivers:
+        for tree in filter(None, (block, getattr(block, "node_tree", None))):
+            for curve in getattr(getattr(tree, "animation_data", None), "drivers", ()):
                 if curve.driver.type == "SCRIPTED" and not curve.driver.is_valid:
-                    why = "cannot run without scripts or fails; its value may be 0"
-                    said = f"the driver of {curve.data_path} {why}"
-                    yield "blocked-driver", block.name, said
+                    yield "blocked-driver", block.name, f"the driver of {curve.data_path} {why}"
 
 
 def _missing_files() -> Iterator[tuple[str, str, str]]:
-    gone = "does not exist"
+    pink = "does not exist; surfaces with it look as in Cycles (pink)"
     for library in bpy.data.libraries:
         if not Path(bpy.path.abspath(library.filepath)).is_file():
-            yield "missing-library", library.name, f"{library.filepath} {gone}"
+            yield "missing-library", library.name, f"{library.filepath} does not exist"
     for image in bpy.data.images:
-        if image.source != "FILE" or image.packed_file or not image.users or not image.filepath:
-            continue
-        if not Path(bpy.path.abspath(image.filepath, library=image.library)).is_file():
-            said = f"{image.filepath} {gone}; surfaces with it look as in Cycles (pink)"
-            yield "missing-image", image.name, said
+        on_disk = image.source == "FILE" and image.filepath and not image.packed_file
+        path = bpy.path.abspath(image.filepath, library=image.library)
+        if on_disk and image.users and not Path(path).is_file():
+            yield "missing-image", image.name, f"{image.filepath} {pink}"
