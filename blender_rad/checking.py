@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Protocol
@@ -114,27 +115,12 @@ def light_rows(scene: Scene) -> list[LightInfo]:
     ]
 
 
-class _Clock:
-    """Adds up the seconds spent on each step."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    def __call__(self, step: str, work: Callable[[], Any]) -> Any:
-        start = time.perf_counter()
-        try:
-            return work()
-        finally:
-            spent = time.perf_counter() - start
-            self.seconds[step] = self.seconds.get(step, 0.0) + spent
-
-
 class Check:
     """A comparison of our picture of `scene` with a witness's; `seed` is that of our samples."""
 
     def __init__(self, scene: Scene, terms: Terms, seed: int = 0) -> None:
         self.scene, self.terms = scene, terms
-        self._clock = _Clock()
+        self.seconds: dict[str, float] = {}  # spent on each step
         limit = math.inf if terms.time_limit is None else terms.time_limit
         self._deadline = time.perf_counter() + limit
         self._settings = Settings(
@@ -143,30 +129,37 @@ class Check:
             per_light=True,
             seed=seed,
         )
-        self._light = self._clock("ours", partial(DirectLight, scene))
-        self._coincident = self._clock("ours", partial(coincident_faces, self._light))
-        self.film: Film = self._clock("ours", self._render_ours)
+        with self._timed("ours"):
+            self._light = DirectLight(scene)
+            self._coincident = coincident_faces(self._light)
+        self.film = self._render_ours()
         excess = (self.film.relative_standard_error / OUR_FIRST_ERROR) ** 2
         if terms.samples is None and excess > 1.0:
             self._sample_ours(min(math.ceil(excess * self._our_samples), OUR_FIRST_MOST))
 
+    @contextmanager
+    def _timed(self, step: str) -> Generator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[step] = self.seconds.get(step, 0.0) + time.perf_counter() - start
+
     def _sample_ours(self, samples: int) -> None:
         self._settings = replace(self._settings, samples=samples)
-        self.film = self._clock("ours", self._render_ours)
+        self.film = self._render_ours()
 
     def _render_ours(self, other: Scene | None = None) -> Film:
         left = self._left * OUR_TIME
-        settings = replace(self._settings, time_limit=left if math.isfinite(left) else None)
-        with bar("ours") as progress:
+        settings = replace(self._settings, time_limit=left if self._is_timed else None)
+        with self._timed("ours"), bar("ours") as progress:
             scene, light = (other, None) if other else (self.scene, self._light)
             film = render(scene, settings, light=light, progress=progress)
-        return left_out(film, self._coincident)
+            return left_out(film, self._coincident)
 
     def against_pictures(self, pictures: Pictures) -> Result:
         """Judge pictures (k, h, w, 3) that exist."""
         pictures = pictures / np.float32(self.terms.film_exposure or 1.0)
         comparison = self._decide(partial(judge_pictures, self.film, pictures))
-        return Result(self.film, pictures, comparison, None, self._clock.seconds)
+        return Result(self.film, pictures, comparison, None, self.seconds)
 
     def against(self, witness: Witness, samples: int | None = None) -> Result:
         """Judge a witness that can be asked for more; `samples` a pixel and seed if it is fixed."""
@@ -194,7 +187,7 @@ class Check:
                 more = self._ask_witness(witness, range(len(pictures) + 1, seeds + 1), each)
                 pictures = np.concatenate([pictures, more])
             round_index += 1
-        return Result(self.film, pictures, comparison, each, self._clock.seconds)
+        return Result(self.film, pictures, comparison, each, self.seconds)
 
     @property
     def _our_samples(self) -> int:
@@ -212,7 +205,7 @@ class Check:
         """Return how many times the samples there could be."""
         if not self._is_timed:
             return MAX_SEEDS / seeds
-        spent = self._clock.seconds["ours"] + self._clock.seconds["cycles"]
+        spent = self.seconds["ours"] + self.seconds["cycles"]
         return 1.0 + max(self._left, 0.0) / spent
 
     def _wanted(self, comparison: Comparison, seeds: int, each: int, most: int) -> tuple[int, int]:
@@ -221,7 +214,7 @@ class Check:
         With s our share of the variance and r our samples over the witness's, variance falls to 1/f
         for the fewest samples when ours grow by f (s + √(s(1−s)/r)), its by f (1−s + √(s(1−s)r)).
         """
-        have, spent = self._our_samples, self._clock.seconds
+        have, spent = self._our_samples, self.seconds
         share = min(max(comparison.our_noise_share, 0.0), 1.0)
         both, ratio = math.sqrt(share * (1.0 - share)), math.sqrt(have / (seeds * each))
         growth = np.array([share + both / ratio, 1.0 - share + both * ratio])
@@ -231,11 +224,8 @@ class Check:
             ours, theirs = factor * growth * (have, seeds)
             ours = max(have, math.ceil(min(ours, ours_most)))
             theirs = max(seeds, math.ceil(min(theirs, most)))
-            return (
-                ours,
-                theirs,
-                spent["ours"] * ours / have + spent["cycles"] * (theirs / seeds - 1),
-            )
+            cost = spent["ours"] * ours / have + spent["cycles"] * (theirs / seeds - 1)
+            return ours, theirs, cost
 
         factor, least = min(comparison.needed_factor or 1.0, MAX_GROWTH), comparison.least_factor
         at_best = share * have / ours_most + (1.0 - share) * seeds / most
@@ -274,11 +264,13 @@ class Check:
             unit_scale_m=self.scene.unit_scale_m,
             film_exposure=self.terms.film_exposure,
         )
-        comparison: Comparison = self._clock("compare", known)
+        with self._timed("compare"):
+            comparison = known()
         if comparison.verdict != "differ":
             return comparison
-        alternatives = self._clock("ours", self._alternatives)
-        return self._clock("compare", partial(known, alternatives=alternatives))
+        alternatives = self._alternatives()
+        with self._timed("compare"):
+            return known(alternatives=alternatives)
 
     def _alternatives(self) -> dict[str, dict[str, Any]]:
         """Return the layers that lights with a radius would have with the other fall-off."""
@@ -295,17 +287,14 @@ class Check:
         return {name: {"soft-falloff": film.lights[name]} for name in both}
 
     def _ask_witness(self, witness: Witness, seeds: Sequence[int], samples: int) -> Pictures:
-        def work() -> Pictures:
-            pictures: list[Pictures] = []
-            with bar("witness") as progress:
-                for number, seed in enumerate(seeds):
-                    if number > 1 and self._left < 0.0:
-                        break
+        pictures: list[Pictures] = []
+        with self._timed("cycles"), bar("witness") as progress:
+            for number, seed in enumerate(seeds):
+                if number > 1 and self._left < 0.0:
+                    break
 
-                    def part(share: float, done: int = number) -> None:
-                        progress((done + share) / len(seeds))
+                def part(share: float, done: int = number) -> None:
+                    progress((done + share) / len(seeds))
 
-                    pictures.append(witness.render(seed, samples, part)[..., :3])
+                pictures.append(witness.render(seed, samples, part)[..., :3])
             return np.stack(pictures)
-
-        return self._clock("cycles", work)
