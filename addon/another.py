@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Another Blender, in the background, that has our library: this one stays free."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One button: does Cycles agree? With its progress, its answer, and what to do about it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A check against Cycles in a Blender of its own, so that this one stays free."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The render engine, and the panels of Blender and Cycles that it opens for itself."""
 
-from __future__ import annotations
-
 import atexit
 import weakref
 from collections.abc import Callable, Iterator

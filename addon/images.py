@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures for the Image Editor: false colours of what was rendered, and differences."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Radiometry panels of lights, materials and worlds, in every engine."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from typing import Any
@@ -11,6 +9,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..blender_rad.errors import RadError
+from ..blender_rad.quantities import unit_named
 from . import readout, stating
 from .shared import Action, InProperties, say
 
@@ -50,8 +49,6 @@ class RADIOMETRIC_MT_unit(bpy.types.Menu):
 
 def draw_value(layout: Any, block: Any) -> str:
     """Draw value and unit; return the unit."""
-    from ..blender_rad.quantities import unit_named
-
     unit = stating.unit_of(block)
     quantity = unit_named(unit).quantity.words.split()[-1].capitalize()
     row = layout.row(align=True)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The linter: what biases the light of the scene, by how much, and a button that ends it."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an artist does with meters: add them, give them targets, have the lights meet these."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meters in the scene: read on a thread whenever it changes, and written over the viewport."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future
 from typing import Any, NamedTuple
 

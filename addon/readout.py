@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a light truly emits, worked out beside Blender: `draw` only asks what is known by now."""
 
-from __future__ import annotations
-
 import pickle
 from concurrent.futures import Future
 from typing import Any

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a scene keeps for the engine, the check and the false colours."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from ..blender_rad.quantities import K_M
 
 
 def _changed(settings: Any, _: Any) -> None:
@@ -53,7 +53,7 @@ class RADIOMETRIC_PG_scene(bpy.types.PropertyGroup):
     efficacy: FloatProperty(
         name="Efficacy",
         description="Lumens a watt of lights that carry no spectrum",
-        default=683.002,
+        default=K_M,
         min=1e-3,
         update=_changed,
     )

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What panels and operators share: texts that fit any width, words for what goes wrong."""
 
-from __future__ import annotations
-
 import textwrap
 from typing import Any
 

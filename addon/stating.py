@@ -7,8 +7,6 @@ need nothing from us; unit, spectrum and efficacy say how it is read. An animate
 setter for each frame of each depsgraph, renders included.
 """
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -17,8 +15,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
 from ..blender_rad.errors import RadError
+from ..blender_rad.quantities import K_M, unit_named
 
-K_M = 683.002  # lm/W
 UNITS = (
     ('W', "W", "Radiant flux: all the power that leaves it as light"),
     ('lm', "lm", "Luminous flux: what of that power the eye sees. On the box of a lamp"),
@@ -170,16 +168,12 @@ def _finite(value: float) -> float:
 
 
 def _get_value(group: Any) -> float:
-    from ..blender_rad.quantities import unit_named
-
     light, unit = group.id_data, unit_of(group.id_data)
     factor = _factor(light, unit) if light.is_evaluated else drawn(_factor, light, unit)
     return _finite(unit_named(unit).from_si(factor * light.energy))
 
 
 def _set_value(group: Any, value: float) -> None:
-    from ..blender_rad.quantities import unit_named
-
     light, unit = group.id_data, unit_of(group.id_data)
     factor = _factor(light, unit)
     if not (math.isfinite(factor) and factor):
@@ -196,6 +190,16 @@ def _stated(key: str, default: Any) -> dict[str, Any]:
         group.value = value
 
     return {"get": lambda group: group.get(key, default), "set": set_entry}
+
+
+_EFFICACY: Any = FloatProperty(
+    name="Efficacy",
+    description="Lumens that a Blender watt of white stands for. One number for all lights of "
+    "a scene, so that equal lumens look equally bright; 683.002 is the photopic convention",
+    min=1e-3,
+    soft_max=K_M,
+    **_stated("efficacy", K_M),
+)
 
 
 def _set_spectrum(group: Any, name: str) -> None:
@@ -289,14 +293,7 @@ class RADIOMETRIC_PG_light(bpy.types.PropertyGroup):
         search_options={'SUGGESTION'},
         override={'LIBRARY_OVERRIDABLE'},
     )
-    efficacy: FloatProperty(
-        name="Efficacy",
-        description="Lumens that a Blender watt of white stands for. One number for all lights of "
-        "a scene, so that equal lumens look equally bright; 683.002 is the photopic convention",
-        min=1e-3,
-        soft_max=K_M,
-        **_stated("efficacy", K_M),
-    )
+    efficacy: _EFFICACY
     compensate: BoolProperty(
         name="Compensate Unit Scale",
         description="Cycles counts a unit as a metre where light falls off, whatever the scene's "
@@ -340,15 +337,12 @@ def _glow(group: Any, unit: str) -> float:
 
 
 def _get_glow(group: Any) -> float:
-    from ..blender_rad.quantities import unit_named
-
     unit = unit_of(group.id_data)
     return _finite(unit_named(unit).from_si(_glow(group, unit)))
 
 
 def _set_glow(group: Any, value: float) -> None:
     from ..blender_rad.bpy_io.powers import scale_emission
-    from ..blender_rad.quantities import unit_named
 
     block, unit = group.id_data, unit_of(group.id_data)
     now = _glow(group, unit)
@@ -375,13 +369,7 @@ class RADIOMETRIC_PG_glow(bpy.types.PropertyGroup):
         precision=3,
         options=set(),
     )
-    efficacy: FloatProperty(
-        name="Efficacy",
-        description="Lumens that a Blender watt of white stands for",
-        min=1e-3,
-        soft_max=K_M,
-        **_stated("efficacy", K_M),
-    )
+    efficacy: _EFFICACY
 
 
 def disabled() -> None:

@@ -5,8 +5,6 @@ Every verb of the command line is a function here: ``blender_rad.check("a.blend"
 returns the document that ``blender-rad check a.blend --tolerance 0.02 --json`` prints.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from importlib.machinery import PathFinder

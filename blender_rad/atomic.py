@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files that are either whole or not there."""
 
-from __future__ import annotations
-
 import os
 import secrets
 from collections.abc import Generator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Camera rays: from positions in the picture, and on the lens, to lines in the world."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

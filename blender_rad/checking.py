@@ -5,8 +5,6 @@ Neither side sees the other: the witness is a function from a seed to a picture.
 is open, samples are bought from the side whose noise keeps it open, up to a budget.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Generator, Sequence

@@ -5,8 +5,6 @@ Standard output belongs to the result. Blender and other libraries write to it f
 gives them standard error in its place.
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 import os

@@ -7,8 +7,6 @@ triangles are cut loose and each is moved off by a chance hair's breadth. Seen f
 from close below, a point that lies on two faces then shows two different ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can go wrong, said so that a user knows what to do next."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """EXR files: our passes out, and anybody's picture in."""
 
-from __future__ import annotations
-
 import json
 import os
 import unicodedata

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The picture that the estimator makes: passes, their errors, and what had to be left out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

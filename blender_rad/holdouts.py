@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surfaces that cut a hole into the picture: no light, and no alpha."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .arrays import Floats

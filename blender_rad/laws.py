@@ -6,8 +6,6 @@ measures them. Blender's own closures break the last two by construction: that i
 error as long as white surroundings are not outshone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

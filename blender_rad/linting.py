@@ -6,8 +6,6 @@ follows from the setting's own equation, or from small pictures of our engine wi
 Certain and at least 1 % is an error; what only may be, or is smaller, a warning; else information.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -262,15 +260,12 @@ def _linking(lint: Lint) -> Iterator[Said]:
 
 @rule("soft-falloff", {"data.use_soft_falloff": False})
 def _soft_falloff(lint: Lint) -> Iterator[Said]:
-    lights = [_hard(light) for light in lint.scene.lights]
-    names = {new.name for new, old in zip(lights, lint.scene.lights, strict=True) if new is not old}
+    every: list[Any] = [*lint.scene.lights]
+    soft = (light for light in every if getattr(light, "soft_falloff", False))
+    names = {light.name for light in soft if light.radius > 0.0}
+    lights = [replace(x, soft_falloff=False) if x.name in names else x for x in every]
     said = "soft falloff makes it a disc that faces every point: switch it off"
     yield from lint.with_lights(lights, names, said)
-
-
-def _hard(light: Any) -> Light:
-    soft = getattr(light, "soft_falloff", False) and light.radius > 0.0
-    return replace(light, soft_falloff=False) if soft else light
 
 
 @rule("area-sheared")

@@ -7,8 +7,6 @@ face that looks about the same way; where none does, the ray is left out. So out
 as without, and values err by how much they change over a fraction of a pixel, in no direction.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

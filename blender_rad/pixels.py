@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What accumulates while a picture is rendered: samples in batches, sums by pixel."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

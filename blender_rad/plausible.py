@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What real surfaces were measured to be, and the ranges that a material's numbers lie in."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

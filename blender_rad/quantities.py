@@ -8,8 +8,6 @@ K_m is 683 lm/W at 540 THz, which is 555.016 nm in air where V is just below 1: 
 maximum. Older texts and lectures print 680, a value from before the candela of 1979.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Literal, NamedTuple
 

@@ -6,8 +6,6 @@ metres where something is reported. Colours are scene-linear triples of the file
 Nothing here knows of Blender; everything can be pickled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple

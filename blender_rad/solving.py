@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which powers give the illuminances that are wanted: light is linear, so this is algebra."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .arrays import Floats

@@ -18,8 +18,6 @@ own, a laser's line, or those asked for. Beyond them it has none. Wavelengths ar
 air; photons count hc/λ with them, 0.03 % from vacuum's.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Sequence

@@ -7,8 +7,6 @@ light needs for these lumens; without a spectrum the mean of R, G and B, which i
 number where the light is white.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

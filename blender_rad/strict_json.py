@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """JSON that every parser reads: what is not finite is null, arrays are lists, keys are text."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping

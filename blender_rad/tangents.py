@@ -7,8 +7,6 @@ the plane of the normal, weighted by the angle of each there (M. S. Mikkelsen, "
 Wrinkled Surfaces Revisited", 2008).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .arrays import Floats, Singles

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surfaces that light passes straight through, and what is left of it behind them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .arrays import Bools, Floats, Ints

@@ -16,8 +16,6 @@ L_v = K/100 · 2^EV100. Exposed so, it becomes middle grey: the picture's value 
 exposure · 2^(view exposure), and each of the two, the other at rest, is a unit of L_e.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable, Mapping

@@ -4,8 +4,6 @@
 Chromaticities are (x, y) of red, green, blue and white, one after the other, as in EXR files.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

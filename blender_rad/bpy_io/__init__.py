@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The one place that speaks with Blender."""
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import os

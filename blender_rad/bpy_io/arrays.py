@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's collections as arrays, without a Python loop over their elements."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cameras: Blender's sensor rules as a plane before the eye, its panoramas and its lens."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

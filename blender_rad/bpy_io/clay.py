@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The open scene in clay, for Cycles: what `Surface.clay` says of materials, built."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

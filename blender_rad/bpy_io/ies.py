@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """IES Texture nodes of lights: the text they hold, and how they are turned."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from typing import Any

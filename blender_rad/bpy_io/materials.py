@@ -6,8 +6,6 @@ Lambert, emission and what passes straight are kept as plain sums, everything el
 the camera looks first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal

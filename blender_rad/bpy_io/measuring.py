@@ -7,8 +7,6 @@ writes are the values at the middle of each k-th of a pixel, for the camera rays
 Geometry and surfaces are Blender's, all light is ours.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from contextlib import ExitStack

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes: triangles, shading normals and UV maps as Cycles takes them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

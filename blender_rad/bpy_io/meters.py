@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Objects as meters: where they stand and where they look."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Opening scene files without running what is in them, and what is wrong with them."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

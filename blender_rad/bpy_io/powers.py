@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Making what emits brighter or darker, in the open file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sockets behind nodes that are not known here: what Blender is to be asked, a slot each."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender at work: its chatter kept off our standard output, and Ctrl-C off it."""
 
-from __future__ import annotations
-
 import logging
 import os
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A Blender scene, as it renders, read into plain arrays."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from functools import partial

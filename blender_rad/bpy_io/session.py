@@ -5,8 +5,6 @@ Subdivision, visibility and particles have render settings of their own; only th
 Blender hands to a render engine holds them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any, TypeVar

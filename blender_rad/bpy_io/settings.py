@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene's render settings as plain values, for what judges them without Blender."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .expressions import plain_properties

@@ -8,8 +8,6 @@ camera turned as its Mapping node turns it; then both are bilinear between the s
 discs that Sky Textures have for suns are taken out of the sky and measured apart, close up.
 """
 
-from __future__ import annotations
-
 import math
 import pickle
 from collections.abc import Callable, Generator, Iterator

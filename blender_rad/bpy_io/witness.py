@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cycles as an unbiased witness of direct light."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping

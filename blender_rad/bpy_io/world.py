@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The world: a uniform background, maps of one by direction, or a record of why neither."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ..lights import RAYS, SkyMap

@@ -4,8 +4,6 @@
 Each parser returns the checked value, or raises `ValueError` with the words for what was expected.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``convert``: from unit to unit, through an emitter's shape and its spectrum."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``lights``: what each light of a scene truly emits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

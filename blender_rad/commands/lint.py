@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``lint``: which settings and set-ups bias the light of a render, and by how much."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -25,8 +25,6 @@ Rounds. Looking again after more samples is another chance to err: round i = 0, 
 α_i = (1 − confidence) / 2^(i+1), whose sum never passes 1 − confidence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a change does to light, from pictures of the same seeds with and without it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ variances: differences are pooled seed by seed, and the spread over seeds is tak
 own pixels are independent, so their variances do add up.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Self
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Student's t, the test of equivalence, and Holm's correction, on arrays and without SciPy."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Photometric files: IES LM-63 and EULUMDAT, read into one model and checked."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

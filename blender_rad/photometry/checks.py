@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether a photometric file holds together: what it states against what its table gives."""
 
-from __future__ import annotations
-
 from collections.abc import Generator
 
 import numpy as np
 
 from ..errors import Finding, Severity
+from ..quantities import K_M
 from .distribution import Distribution
 
 Note = tuple[str, Severity, str, float | None]
@@ -17,8 +16,7 @@ FLUX_ERROR = 0.10
 EDGE = 0.01  # of the peak: less light at the table's end is no cut
 POLE_SPREAD = 0.05  # of the peak: one direction, measured once for each plane
 AIM_DEG = 45.0  # types A and B are measured about their beam
-EFFICACY_LIMIT = 683.002  # lm/W, that of 555 nm; white light stays below 400
-WHITE_EFFICACY = 300.0
+WHITE_EFFICACY = 300.0  # lm/W that white lamps stay below
 OPENING_LIMIT = 10.0  # m
 
 
@@ -60,7 +58,7 @@ def _power(light: Distribution) -> Generator[Note]:
         yield "no-power", "warning", "no input power above 0 W, so no efficacy", None
         return
     efficacy = light.luminous_flux() / light.input_power
-    limit = 1.0 if light.radiometric else EFFICACY_LIMIT
+    limit = 1.0 if light.radiometric else K_M
     if efficacy > (limit if light.radiometric else WHITE_EFFICACY):
         text = f"{efficacy:.4g} lm/W is more than lamps can do"
         text = "more power goes out than goes in" if light.radiometric else text

@@ -19,8 +19,6 @@ B     vertical angle    horizontal      −y     −z
 ====  ================  ==============  =====  ======
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tables as files have them, put in order, made whole by their symmetry, and checked."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..arrays import Floats

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """EULUMDAT files (.ldt), Stockmar's format of 1990: one value a line, up to the tables."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Any distribution as an IES text: for other programs, or for Blender's IES Texture node."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..arrays import Floats

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where the witness differs, at the finest scale at which it can be told from noise."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 import numpy as np

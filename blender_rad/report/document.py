@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The dict of `report.json`: everything that was found, in CONTRACT's schema."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures as data URIs, with the numbers that their legends need."""
 
-from __future__ import annotations
-
 import base64
 import io
 from typing import Any

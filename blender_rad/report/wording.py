@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Numbers and verdicts in plain words; None is "not known"."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Nodes that calculate with numbers and vectors. What has no value, such as 0/0, becomes 0."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Nodes that tell where a point is and how it is seen."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..arrays import Floats

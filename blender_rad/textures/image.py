@@ -22,8 +22,6 @@ A direction (x, y, z) is at u = ½ - atan2(y, x)/2π, v = ½ + asin(z)/π of an 
 picture of a mirror ball, seen along +y, at ½ + ½(x, z)/√(2(1 - y)).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the layers of a surface let out of what glows below them."""
 
-from __future__ import annotations
-
 from ..arrays import Floats
 from ..bsdfs import Inputs
 from ..bsdfs.principled import emitted

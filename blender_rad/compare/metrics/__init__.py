@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Numbers that sum up how two pictures differ; a file of this package registers its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from ...arrays import Floats

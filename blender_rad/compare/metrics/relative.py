@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Differences relative to the reference, which dark pixels may not blow up."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...arrays import Floats
