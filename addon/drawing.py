@@ -10,6 +10,8 @@ from weakref import WeakValueDictionary
 
 import bpy
 
+from ..blender_rad.quantities import QUANTITIES
+
 if TYPE_CHECKING:
     from ..blender_rad.film import Film
     from .viewport import Viewport
@@ -72,7 +74,6 @@ def draw_quantity() -> None:
 
     from ..blender_rad.errors import RadError
     from ..blender_rad.photometry.falsecolor import COLOURS, value_range
-    from ..blender_rad.quantities import QUANTITIES
 
     def pixels() -> tuple[Any, Any]:
         values = quantity(film, own.view, viewport.scene, own.efficacy)

@@ -511,8 +511,8 @@ def _seen_points(light: DirectLight, scene: Scene, camera: Camera, wanted: int) 
     x0, y0, x1, y1 = scene.border or (0, 0, width, height)
     where = np.array([x0, y0]) + uniform * np.array([x1 - x0, y1 - y0])
     rays = camera_rays(camera, scene.resolution, where)
-    hits = light.visibility.camera.intersect(rays.origins, rays.directions)
-    met = np.flatnonzero((hits.instance >= 0) & (hits.distance <= rays.reach))[:wanted]
+    met, hits = rays.met(light.visibility.camera)
     if len(met) < FEW * POINTS:
         return None
-    return light.geometry.surface(hits.take(met), rays.directions.take(met, axis=0))
+    hits = hits.take(np.arange(min(wanted, len(met))))
+    return light.geometry.surface(hits, rays.directions.take(met[:wanted], axis=0))
