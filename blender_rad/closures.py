@@ -33,6 +33,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 SAME = 1e-6  # of normals
+DIFFUSE = 0.2  # chances of diffuse lobes over their shares: samples of lights serve these well
 
 
 class Closures:
@@ -63,7 +64,7 @@ class Closures:
         asked = _Asked(known, counts)
         found = [lobe for c in closures for lobe in self._lobes(c, surface, rows, asked)]
         if found:
-            yield rows, Mixture.of(found)
+            yield rows, Mixture.of(found, diffuse=DIFFUSE)
 
     def _lobes(
         self, closure: Closure, surface: Surface, rows: Ints, asked: _Asked

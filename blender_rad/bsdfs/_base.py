@@ -207,10 +207,11 @@ class Mixture:
     share: Array
 
     @classmethod
-    def of(cls, parts: Sequence[Lobe]) -> Mixture:
-        """Return the sum of lobes, at least one."""
+    def of(cls, parts: Sequence[Lobe], diffuse: float = 1.0) -> Mixture:
+        """Return the sum of lobes, at least one; `diffuse` is a factor on the chances of such."""
         known = [part.weight * np.maximum(part.albedo(), UNKNOWN) for part in parts]
-        size = [np.mean(np.abs(each), axis=1) for each in known]
+        wanted = [diffuse if part.ray == "diffuse" else 1.0 for part in parts]
+        size = [np.mean(np.abs(w * each), axis=1) for w, each in zip(wanted, known, strict=True)]
         strength = np.stack(size)
         total = strength.sum(axis=0)
         even = np.full_like(strength, 1.0 / len(parts))
