@@ -163,16 +163,6 @@ def test_irradiance(name, light, place, normal, expected):
     assert found == pytest.approx(expected, rel=EXACT, abs=1e-12, nan_ok=True), name
 
 
-@pytest.mark.parametrize(
-    ("half", "blend", "scale"), [(0.5, 0.0, 1.0), (0.5, 0.4, 7.0), (1.4, 1.0, 1.0)]
-)
-def test_spot_flux_and_axis(half, blend, scale):
-    light = lit('SPOT', moved(z=2.0, scale=scale), spot_size=2 * half, spot_blend=blend, **SPOT)
-    expected = (1.0 - np.cos(half)) * (1.0 - blend / 2.0) / 2.0
-    assert light.radiant_flux()[0] == pytest.approx(expected, rel=EXACT)
-    assert irradiance(light, ORIGIN, UP) == pytest.approx(1.0 / (16.0 * np.pi), rel=EXACT)
-
-
 @pytest.mark.parametrize("spread", [0.05, 0.0999, 0.101, 1.0, 3.0])
 @pytest.mark.parametrize("series", [True, False])
 def test_spread_flux_by_quadrature(spread, series):
@@ -222,6 +212,27 @@ def test_what_leaves_a_mesh():
 
 
 # --- every closed form against brute force
+
+
+@pytest.mark.parametrize("distance", [1.01, 1.1, 3.0, 10.0])
+def test_noise_next_to_a_mesh_of_many_triangles_is_bounded(distance):
+    """A unit ball of 2048 triangles over a facing point sends πL/d²; what hides itself is not lit.
+
+    By area alone the deviation of a sample is 70 times its mean at 1.01.
+    """
+    faces = np.array([np.diag(2.0 * np.array(s) - 1.0) for s in np.ndindex(2, 2, 2)])
+    for _ in range(4):
+        a, b, c = faces.swapaxes(0, 1)
+        d, e, f = (x / np.linalg.norm(x, axis=1)[:, None] for x in (a + b, b + c, c + a))
+        parts = (a, d, f), (d, b, e), (f, e, c), (d, e, f)
+        faces = np.concatenate([np.stack(part, axis=1) for part in parts])
+    light, u = mesh(faces), np.random.default_rng(1).random((40_000, 2))
+    places, normals = (np.tile(x, (len(u), 1)) for x in (-distance * UP, UP))
+    sample = light.sample(places, normals, u)
+    first, _ = light.intersect(places, sample.wi)
+    value = sample.weight * np.maximum(sample.wi @ UP, 0.0) * (sample.distance < 1.0001 * first)
+    assert value.mean() == pytest.approx(np.pi / distance**2, rel=0.02)
+    assert value.std() < 2.5 * value.mean()
 
 
 def brute_force(light: Light, place: np.ndarray, normal: np.ndarray, axis: np.ndarray) -> float:
@@ -279,14 +290,6 @@ def test_closed_forms_by_brute_force(light):
 
 
 # --- the two models, and what a record says
-
-
-def test_colour_exposure_temperature_and_nodes_multiply():
-    light = lit(
-        'POINT', energy=2.0, exposure=1.0, color=(1.0, 0.5, 0.0), use_temperature=True,
-        temperature_color=(0.5, 1.0, 2.0), node_emission=(3.0, 3.0, 3.0),
-    )  # fmt: skip
-    assert np.allclose(light.rgb, [6.0, 6.0, 0.0])
 
 
 def test_blackbody_has_luminance_one_and_blenders_colour():
