@@ -10,7 +10,6 @@ import pytest
 
 from blender_rad.lights.mesh import MeshLight
 from blender_rad.textures import UV, Context, Expression, constant, folded
-from blender_rad.textures.image import from_srgb
 
 PIXELS = np.zeros((2, 3, 4), dtype=np.float32)
 PIXELS[..., 0] = [[0.0, 1.0, 4.0], [9.0, 16.0, 25.0]]
@@ -41,14 +40,6 @@ def red(expression: Expression, x: float, y: float) -> float:
 )
 def test_images_interpolate(interpolation, extension, place, value):
     assert red(image(interpolation, extension), *place) == pytest.approx(value, rel=1e-6)
-
-
-def test_an_encoded_image_is_decoded_after_its_interpolation():
-    found = image("Linear", "EXTEND", np.array([[[0] * 4, [255] * 4]], dtype=np.uint8))
-    encoded = Expression(found.kind, "Color", {**found.settings, "encoded": True}, found.inputs)
-    middle = Context(attribute={UV: np.array([[0.5, 0.5]])}.get)
-    assert encoded.evaluate(middle)[0] == pytest.approx([0.21404] * 3, abs=1e-5)
-    assert from_srgb(np.array([0.04, 1.0])) == pytest.approx([0.04 / 12.92, 1.0])
 
 
 def test_expressions_fold_and_travel():
@@ -85,7 +76,8 @@ def test_textured_mesh_light_sends_what_its_texture_says(rng):
     assert light.radiant_flux() == pytest.approx(np.pi * 0.5 * tint, rel=1e-2)
     assert light.irradiance(origin[:1], up[:1]) is None
     distance, radiance = light.intersect(origin, sample.wi)
-    assert distance == pytest.approx(sample.distance)
-    assert radiance == pytest.approx(sample.tint, abs=1e-9)
+    met = sample.weight > 0.0  # some go over the hemisphere, past it
+    assert distance[met] == pytest.approx(sample.distance[met])
+    assert radiance[met] == pytest.approx(sample.tint[met], abs=1e-9)
     behind = light.sample(origin + 2.0 * up, -up, rng.random((n, 2)))
     assert not behind.tint.any()
