@@ -36,10 +36,3 @@ def test_randomisations_are_independent(other):
     a, b = sequences(), sequences(**other)
     assert not np.array_equal(a, b)
     assert abs(np.corrcoef(a[:, 0, 0], b[:, 0, 0])[0, 1]) < 4 / np.sqrt(PIXELS)
-
-
-def test_integrates_far_better_than_chance():
-    inside = (sequences() ** 2).sum(axis=-1) < 1.0
-    variance = inside.mean(axis=1).var()
-    assert variance < 0.25 * np.pi / 4 * (1 - np.pi / 4) / COUNT
-    assert inside.mean() == pytest.approx(np.pi / 4, abs=4 * np.sqrt(variance / PIXELS))
