@@ -13,13 +13,8 @@ import pytest
 from blender_rad.bpy_io.open import open_scene
 from blender_rad.bpy_io.read import read_scene
 
+from .promised import save
 from .reading import SQUARE, add, camera, empty_scene, polygons
-
-
-def saved(path: Path) -> Path:
-    file = path / "scene.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(file))
-    return file
 
 
 @pytest.fixture
@@ -30,13 +25,13 @@ def file(tmp_path: Path) -> Path:
     camera().name = "Second"
     bpy.context.scene.view_layers.new("Other")
     bpy.context.scene.name = "Main"
-    return saved(tmp_path)
+    return save(tmp_path / "scene.blend")
 
 
 def test_a_chosen_camera_wins_over_markers(file: Path) -> None:
     scene = open_scene(file)
     scene.timeline_markers.new("Cut", frame=1).camera = bpy.data.objects["Second"]
-    marked = saved(file.parent)
+    marked = save(file)
     for chosen, expected in (("Camera", "Camera"), (None, "Second")):
         assert open_scene(marked, frame=5, camera=chosen).camera.name == expected
 
@@ -47,7 +42,7 @@ def test_a_view_layer_has_its_own_objects(file: Path) -> None:
     scene.collection.children.link(extra)
     extra.objects.link(bpy.data.objects.new("More", polygons("More", *SQUARE)))
     scene.view_layers["Other"].layer_collection.children["Extra"].exclude = True
-    layered = saved(file.parent)
+    layered = save(file)
     for layer, expected in ((None, ["More", "Plane"]), ("Other", ["Plane"])):
         found = read_scene(open_scene(layered, view_layer=layer)).instances
         assert sorted(i.name for i in found) == expected
@@ -62,7 +57,7 @@ def test_blocked_drivers_missing_images_and_libraries_are_findings(tmp_path: Pat
         driver.type, driver.expression = 'SCRIPTED', expression
     image = bpy.data.images.new("Gone", 4, 4)
     image.source, image.filepath, image.use_fake_user = 'FILE', "//gone.png", True
-    file = saved(tmp_path)
+    file = save(tmp_path / "scene.blend")
     scene = read_scene(open_scene(file, frame=1))
     codes = {(f.code, f.object) for f in scene.findings}
     assert codes == {("blocked-driver", "Lamp"), ("missing-image", "Gone")}
@@ -72,14 +67,13 @@ def test_blocked_drivers_missing_images_and_libraries_are_findings(tmp_path: Pat
 def test_libraries_name_what_is_ambiguous(tmp_path: Path) -> None:
     empty_scene()
     add("Lamp", bpy.data.lights.new("Lamp", 'POINT'))
-    library = tmp_path / "library.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    library = save(tmp_path / "library.blend")
     empty_scene()
     add("Lamp", bpy.data.lights.new("Lamp", 'POINT'))
     with bpy.data.libraries.load(str(library), link=True) as (_, target):
         target.objects = ["Lamp"]
     bpy.context.scene.collection.objects.link(target.objects[0])
-    file = saved(tmp_path)
+    file = save(tmp_path / "scene.blend")
     names = [lamp.name for lamp in read_scene(open_scene(file)).lights]
     assert sorted(names) == ["Lamp", "library.blend/Lamp"]
     library.unlink()
@@ -110,7 +104,7 @@ def test_standard_output_is_ours_and_blender_ends(blocked: bool, file: Path) -> 
     if blocked:  # another thing that keeps bpy, in 4.5
         driver = bpy.data.objects["Plane"].driver_add("location", 0).driver
         driver.type, driver.expression = 'SCRIPTED', "[5 for x in (1,)][0]"
-        saved(file.parent)
+        save(file)
     broken = file.with_name("broken.blend")
     broken.write_text("not a scene")
     command = [sys.executable, "-c", QUIET, str(file), str(broken)]
