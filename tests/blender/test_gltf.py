@@ -86,14 +86,6 @@ def test_lights_keep_their_candelas_and_lux(name: str, tmp_path: Path) -> None:
     assert lux == pytest.approx({"Sun": 683.0, "Bare sun": 1.0}, rel=1e-6)
 
 
-def test_lux_below_them_is_the_inverse_square(tmp_path: Path) -> None:
-    at = {"at": [(0.0, 0.0, 0.001)], "normal": [(0.0, 0.0, 1.0)]}
-    measured = blender_rad.measure(write(tmp_path / "scene.gltf"), efficacy=683.0, **at)
-    (meter,) = measured["meters"]
-    expected = (100.0 + 1.0 + 40.0) / (HEIGHT - 0.001) ** 2 + 684.0
-    assert math.isclose(meter["illuminance_lx"], expected, rel_tol=1e-5)
-
-
 def test_cycles_agrees_and_no_camera_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
