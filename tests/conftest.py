@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all tests share: a seeded generator, and a word for those that need Blender."""
 
-from __future__ import annotations
-
 import signal
 from importlib.util import find_spec
 

@@ -6,8 +6,6 @@ Each Python runs the tests that are rows of the page; the JUnit file of a run th
 written anew in its Blender's column, the others stay. Exits with 1 where anything differs.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

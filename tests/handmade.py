@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes built by hand, without Blender, for tests of the engine."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ZIP that is tested: with its wheels where they were fetched before, else without."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The add-on as it lies in the tree, registered around each test of a fresh scene."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import sys

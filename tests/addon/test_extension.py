@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ZIP that users install: built, validated, installed, enabled and disabled."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 from zipfile import ZipFile

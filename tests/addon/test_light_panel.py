@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lights stated in units: true to the library, to Blender's own fields, and to files without us."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The linter's list: found beside Blender, fixed by a button, undone in one step."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

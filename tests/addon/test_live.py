@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene that is kept up to date is the scene as a new reading has it."""
 
-from __future__ import annotations
-
 import importlib
 import pickle
 from typing import Any

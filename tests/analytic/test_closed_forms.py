@@ -5,8 +5,6 @@ Among them the direct cases of CIE 171:2006, sections 5.2 to 5.4, 5.6 and 5.7, w
 here.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """White Principled BSDFs in a white furnace: what they send back of light from everywhere."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@
 A pixel is a quad with a normal of its own, seen along −z: its radiance is f |cosθ_i| × 1 W/m².
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

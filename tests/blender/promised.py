@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The program from outside, and the small scenes that it is asked about."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

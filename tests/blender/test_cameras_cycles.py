@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panoramas point by point against Cycles' Position and Depth, lenses against its pictures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

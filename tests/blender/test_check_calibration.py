@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A trial of the nightly calibration: Cycles agrees, and a stronger light is found."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.nightly import calibration

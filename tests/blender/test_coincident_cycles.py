@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where Cycles lets coincident faces shade each other, and that just this is left out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

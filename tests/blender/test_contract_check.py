@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`check` as it is promised, from outside."""
 
-from __future__ import annotations
-
 import hashlib
 import html
 import math

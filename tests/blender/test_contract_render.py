@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`render` as it is promised, from outside."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -6,8 +6,6 @@ L = e/(1 − ρ) and E = π·L. The wall at the right reflects nothing and emits
 e/(1 − ρ) at once: with all bounces it leaves the rest as it is, and has no illuminance to show.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

@@ -5,8 +5,6 @@ Each case sets up the open scene; both render it, with every pixel compared. Of 
 change nothing but noise in Cycles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """glTF files: punctual lights keep their cd and lx, in text and in binary, and are judged."""
 
-from __future__ import annotations
-
 import base64
 import json
 import logging

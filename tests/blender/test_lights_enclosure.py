@@ -6,8 +6,6 @@ a panorama whose middle is the lights' axis: a pixel is E/π on a wall. Σ E dA 
 flux, and E d²/cos θ the intensity. Suns and worlds light the floor alone.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

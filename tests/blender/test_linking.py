@@ -4,8 +4,6 @@
 A stage has two boxes; one lamp lights all of it, another one is linked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

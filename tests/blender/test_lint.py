@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`lint`: silent about an unbiased file, and a finding for everything that biases one."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

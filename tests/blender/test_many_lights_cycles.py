@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sixty lights of all kinds about a box, of which our engine chooses a few at each point."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import bpy

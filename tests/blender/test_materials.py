@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`materials`: a file with materials of every fate, judged from outside."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`measure` and `solve` as they are promised, from outside, on real files."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """docs/FEATURES.md has the rows that the tests have, in the column of this Blender."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

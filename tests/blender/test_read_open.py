@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Opening files: bad ones said in one line, good ones without scripts and without chatter."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

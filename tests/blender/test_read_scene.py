@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is read from a scene: geometry as it renders, instances, visibility, lights, world."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scenes open, are what their scripts build, and mean what is derived there."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

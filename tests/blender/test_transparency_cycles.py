@@ -4,8 +4,6 @@
 Panes stand in front of the camera, and others between the light and the floor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

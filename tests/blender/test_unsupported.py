@@ -5,8 +5,6 @@ Each case adds one thing to a stage of which everything is supported, and return
 block that is to be blamed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

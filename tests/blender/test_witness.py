@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cycles as a witness: right against closed forms, seeds apart, the open scene in clay."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What every registered light must keep, held against quadrature that knows nothing of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

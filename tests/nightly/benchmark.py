@@ -11,8 +11,6 @@ settings (light tree on or off) is taken for each target. Both write no files bu
 picture, and keep no layers by light.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

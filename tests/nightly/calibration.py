@@ -9,8 +9,6 @@ error has mean 0 and the deviation of Student's t, 1.07 for 16 seeds. Exits with
 is broken.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -9,8 +9,6 @@ if the energies are shown to lie within 0.5 %, and at 64 samples our relMSE is a
 Cycles'. Of few samples more is lost: ours are dealt to two independent sequences, for error bars.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

@@ -9,8 +9,6 @@ that the reference, which it is relative to, adds none of its own; seconds times
 given error costs. Cycles has its light tree, and persistent data after a first render.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

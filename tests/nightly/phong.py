@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The lecture's Phong put to the laws: its albedos as a table, and `docs/phong.png`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from blender_rad.laws import judge

@@ -7,8 +7,6 @@ checks the verdict, how much of the picture is supported, and why it is not all,
 Exits with 1 where the program itself has a fault.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

@@ -7,8 +7,6 @@ IN_BLENDER is a program that runs a command in the folder ROOT, as `IN_BLENDER R
 with the folder SHARE seen there as /share; `blender`, `xvfb-run` and ImageMagick have to be there.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures with known truth for the judge: lights with shadows, blue noise, fireflies."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fresnel's curves and tables of lost energy by other ways; lobes without roughness; Mitsuba's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command line: exit codes, one-line complaints, and a standard output of the result alone."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

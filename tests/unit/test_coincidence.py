@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Faces that lie on others are found wherever they are seen, and nothing else is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Causes are named, innocents are cleared, and what no light explains is said to be so."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The verdict: how often it errs, how often it finds, and what it does at the edges."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Many lights, a few of which are chosen at each point, are those lights."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Skies by direction: samples against their density, and light of great contrast kept whole."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

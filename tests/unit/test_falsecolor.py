@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """False colour: what the numbers are, that pixels stay pixels, and files that are not as hoped."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files are whole or not there, with nothing left beside them; JSON is what every parser reads."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path, PurePosixPath

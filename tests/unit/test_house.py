@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """README's words and map, and the one version, are those of the house as it stands."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rows of lights, and the notes on what Blender's numbers hide, from records made by hand."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The three laws put to scenes built by hand, with what is known of them on paper."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

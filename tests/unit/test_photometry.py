@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Photometric files: real ones, hand-made ones whose light is known, and hostile ones."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ray casting against brute force, with single and shared meshes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The render as a statistical instrument: error bars, targets, exclusion, borders, interruption."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 

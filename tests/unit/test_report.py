@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report page: situations of a made-up comparison, and what may never go wrong in them."""
 
-from __future__ import annotations
-
 import base64
 import functools
 import re

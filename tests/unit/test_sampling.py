@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The points are nets, uniform, independent between pixels, streams and dimensions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Powers from targets: Karush, Kuhn and Tucker's conditions, and ties."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

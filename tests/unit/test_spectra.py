@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectra and working spaces against published numbers, and files that are none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Expressions against values worked out by hand; each node against Cycles is in tests/blender."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

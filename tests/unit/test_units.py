@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Conversions: known answers, the lights' own light, inverses, what is refused; and the verb."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
