@@ -45,7 +45,6 @@ def traces() -> set[str]:
 
 
 def come_and_go() -> dict[str, object]:
-    """Enable and disable twice; return what happened."""
     import addon_utils  # to be found only once bpy is there
 
     story = {"enabled": [], "seconds": [], "left_behind": [], "loaded_by_enabling": []}

@@ -26,7 +26,6 @@ def run(*command: str | Path, **environment: str) -> str:
 
 
 def build(folder: Path) -> Path:
-    """Build the extension into `folder` and return its ZIP."""
     wheels, python = ROOT / "out" / "wheels", f"3.{sys.version_info.minor}"
     if (wheels / f"linux-x64-{python}").is_dir():
         only = ("--platform", "linux-x64", "--python", python)

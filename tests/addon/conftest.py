@@ -33,7 +33,6 @@ def package() -> ModuleType:
 
 @pytest.fixture
 def addon(package: ModuleType) -> Iterator[Any]:
-    """Register the add-on in an empty file, and return its package."""
     bpy = pytest.importorskip("bpy")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     module = importlib.import_module(f"{NAME}.addon")
@@ -44,12 +43,10 @@ def addon(package: ModuleType) -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def zip_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the ZIP that users install."""
     return build(tmp_path_factory.mktemp("build"))
 
 
 def sky(turn: tuple[float, float, float]) -> None:
-    """Light the scene by a small environment image and by a Sky Texture with its sun."""
     import bpy
 
     from tests.blender.reading import node, shows, with_nodes, world

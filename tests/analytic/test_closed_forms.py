@@ -69,7 +69,6 @@ def lamp(intensity: float, z: float = 2.0, **others) -> PointLight:
 
 
 def panel(radiance: float, width: float, depth: float, z: float = 2.0, at=(0, 0), **others):
-    """An area light that shines down."""
     return AreaLight(
         name="panel",
         rgb=np.pi * width * depth * radiance * ONE,

@@ -101,7 +101,6 @@ def agrees(sides: Sides) -> None:
 def look_at(
     target: tuple[float, float, float], eye: tuple[float, float, float], **lens: Any
 ) -> Any:
-    """Put a camera at `eye`, looking at `target`, z up."""
     return aimed(camera(**lens), eye, target)
 
 
@@ -111,7 +110,6 @@ def lamp(
     towards: tuple[float, float, float] = (0, 0, 0),
     **properties: Any,
 ) -> Any:
-    """Add a light of `kind` that looks at `towards`."""
     energy = 3.0 if kind == 'SUN' else 100.0
     made = light(kind, kind.title(), **{"energy": energy, **properties})
     return aimed(made, location, towards)
@@ -132,7 +130,6 @@ def square(name: str, shown: Any = None, **properties: Any) -> Any:
 
 
 def glow(strength: float = 5.0, colour: tuple[float, ...] = (1, 0.7, 0.4)) -> Any:
-    """A material that emits."""
     return material("Glow", "Emission", Color=colour, Strength=strength)
 
 

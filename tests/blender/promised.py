@@ -210,7 +210,6 @@ def save(path: Path) -> Path:
 
 
 def scene_file(folder: Path, name: str, *build: Callable[[], object]) -> Path:
-    """Save a stage with what the functions add."""
     stage()
     for each in build:
         each()

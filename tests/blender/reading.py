@@ -36,14 +36,12 @@ def put(block: Any, **properties: Any) -> Any:
 
 
 def add(name: str, data: Any = None, **properties: Any) -> Any:
-    """Add an object with `data` to the scene."""
     created = bpy.data.objects.new(name, data)
     bpy.context.scene.collection.objects.link(created)
     return put(created, **properties)
 
 
 def light(kind: str, name: str = "Lamp", **properties: Any) -> Any:
-    """Add a light."""
     return add(name, bpy.data.lights.new(name, kind), **properties)
 
 
@@ -113,7 +111,6 @@ def node(tree: Any, kind: str, *sources: Any, **values: Any) -> Any:
 
 
 def shows(tree: Any, source: Any, socket: str = "Surface") -> None:
-    """Link a node to the output of its tree."""
     tree.links.new(source.outputs[0], tree.get_output_node('CYCLES').inputs[socket])
 
 

@@ -28,7 +28,6 @@ METALS = {
 
 
 def closures() -> Iterator[tuple[str, Closure]]:
-    """Yield closures, each with the name of its kind."""
     for kind in GLOSSY:
         name, settings = kind.replace("_", " "), {"distribution": kind}
         for rough, bend, turn in SHAPES:

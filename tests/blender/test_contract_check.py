@@ -172,7 +172,6 @@ def lights(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def told(document: dict[str, Any]) -> str:
-    """Return all that is said about why."""
     return str([document["findings"], [light["diagnosis"] for light in document["lights"]]])
 
 

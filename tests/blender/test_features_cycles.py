@@ -44,7 +44,6 @@ def shown(kind: str, location: Where = (-1, 0.3, 1.4), **properties: Any) -> Non
 
 
 def on_box(kind: str = 'POINT', of_light: dict[str, Any] | None = None, **box: Any) -> None:
-    """A box with properties, under a light with properties."""
     stage(**box)
     lamp(kind, (-1, -1.2, 2.5), **{"shadow_soft_size": 0.1, **(of_light or {})})
 

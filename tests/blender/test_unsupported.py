@@ -69,8 +69,6 @@ def strands(*_: Any) -> str:
 
 
 def of_nodes(kind: str, **inputs: Any) -> Build:
-    """What a geometry node makes."""
-
     def build(*_: Any) -> str:
         host = add("Made", bpy.data.meshes.new("Made"), location=(0, -0.5, 0.6), scale=(0.4,) * 3)
         geometry_nodes(host, f"GeometryNode{kind}", **inputs)

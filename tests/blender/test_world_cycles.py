@@ -106,7 +106,6 @@ def test_world_is_that_of_cycles(name: str) -> None:
 
 
 def spotted() -> None:
-    """An image mixed in by height."""
     tree = image_sky((0.2, 0.1, 0.7))
     colour = tree.nodes["Background"].inputs["Color"]
     up = node(tree, "SeparateXYZ", node(tree, "NewGeometry").outputs["Position"])

@@ -48,7 +48,6 @@ def click(place: tuple[int, int], times: int = 1) -> Steps:
 
 
 def press(*keys: object) -> Steps:
-    """Press keys over the 3D view."""
     hands("mousemove", *VIEW)
     yield 0.5
     hands("key", "--delay", 60, *keys)
@@ -56,7 +55,6 @@ def press(*keys: object) -> Steps:
 
 
 def fill(place: tuple[int, int], text: str) -> Steps:
-    """Type into a number field."""
     yield from click(place, 2)
     hands("key", "ctrl+a", "type", text)
     yield 1
@@ -122,7 +120,6 @@ def type_lumens() -> Steps:
 
 
 def walk() -> Steps:
-    """Do the steps of the guide."""
     modules = {name.removeprefix(f"{ADDON}."): found for name, found in sys.modules.items()}
     metering, panel = modules["metering"], modules["check_panel"]
     viewports = modules["drawing"].VIEWPORTS

@@ -40,7 +40,6 @@ LIGHTS: dict[str, tuple[tuple[float, float, float], dict[str, Any]]] = {
 
 
 def build() -> Any:
-    """Build the scene and return its bpy.types.Scene."""
     bl_scene, grey = empty_scene(), material("Grey", "BsdfDiffuse", Color=(0.7,) * 3)
     add("Floor", polygons("Floor", *SQUARE, grey), scale=(4, 4, 1))
     for x, y, half in ((-0.6, 0.2, 0.25), (0.9, -0.1, 0.2)):
@@ -111,7 +110,6 @@ class Bench:
         return Check(self.scene, self.terms, seed=number + 1).against(witness)
 
     def trial(self, number: int, tally: Tally) -> None:
-        """Do both comparisons of one trial."""
         same = self.compare(2 * number).comparison
         tally.unchanged[same.verdict] += 1
         for row in same.lights:

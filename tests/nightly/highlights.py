@@ -44,7 +44,6 @@ SKY, TEXEL = np.array([128, 64]), np.array([90, 45])
 
 
 def build(kind: str, roughness: float) -> Any:
-    """Open a new scene with the highlight in it, filling the view."""
     empty_scene()
     glossy, principled = "ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfPrincipled"
     shown, source = material("Shown", glossy, Roughness=roughness), np.array(LAMP)
