@@ -431,6 +431,8 @@ class DirectLight:
             return []
         cosine = dot(asked.surface.normal, sample.wi)
         rows = np.flatnonzero(open_to.any(axis=1))
+        if not len(rows):
+            return []
         rays = self._rays(asked.surface, sample, cosine, rows)
         hits = self._ghosts(emitter).intersect(*rays[:2])
         crossed = hits.distance < rays[2]

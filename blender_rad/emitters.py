@@ -13,7 +13,7 @@ from .lights._environment import WHOLE
 from .lights.mesh import MeshLight
 from .lights.world import Portal, WorldLight
 from .rays import transform_points
-from .scene import Instance, Material, Mesh, Scene, Unsupported, World
+from .scene import Instance, Material, Scene, Unsupported, World
 from .shading import context_on
 from .textures import Expression
 
@@ -93,14 +93,14 @@ def _mesh_light(scene: Scene, instance: Instance, slot: int, material: Material)
     )
     if material.emission_texture is None or not material.emission_known:
         return light
-    texture = partial(_glow, mesh, instance, material, chosen)
+    texture = partial(_glow, scene, instance, material, chosen)
     return replace(light, rgb=np.ones(3), texture=texture)
 
 
-def _glow(mesh: Mesh, instance: Instance, material: Material, chosen: Ints, *at: Any) -> Floats:
+def _glow(scene: Scene, instance: Instance, material: Material, chosen: Ints, *at: Any) -> Floats:
     """Return the radiance of chosen triangles: `MeshLight.texture`."""
     triangle, uv, incoming = at
-    context = context_on(mesh, instance, chosen[triangle], uv, incoming)
+    context = context_on(scene, instance, chosen[triangle], uv, incoming)
     varying = cast("Expression", material.emission_texture)
     return np.array(material.emission) + varying.rgb(context, len(triangle))
 

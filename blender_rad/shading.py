@@ -7,10 +7,12 @@ from functools import partial
 import numpy as np
 
 from .arrays import Floats, Ints, Singles
-from .scene import BLACK, Instance, Material, Mesh, Scene
+from .scene import BLACK, Instance, Material, Scene
 from .surfaces import Geometry, Surface, dot, normalized, pick
 from .tangents import around, tangents
 from .textures import GENERATED, NORMAL, TANGENT, Context, Expression
+
+CLOSED = (5, 0, 0)  # Blender's version from which on longitudes have no seam
 
 
 class Shading:
@@ -53,7 +55,7 @@ def contexts(
             rows = own[surface.instance.take(own) == index]
             instance = scene.instances[index]
             context = context_on(
-                scene.meshes[instance.mesh],
+                scene,
                 instance,
                 surface.triangle.take(rows) - geometry.first[index],
                 np.stack([surface.u, surface.v])[:, rows],
@@ -72,7 +74,7 @@ def _looked_up(table: Singles, points: Ints, slot: int) -> Floats:
 
 
 def context_on(
-    mesh: Mesh, instance: Instance, triangle: Ints, uv: Floats, incoming: Floats
+    scene: Scene, instance: Instance, triangle: Ints, uv: Floats, incoming: Floats
 ) -> Context:
     """Return where points on a mesh are, and who looks at them.
 
@@ -80,7 +82,7 @@ def context_on(
     and third corner, and seen along `incoming` (n, 3) [bu], which reaches to the viewers.
     """
     weights = np.stack([1.0 - uv[0] - uv[1], *uv], axis=1)
-    matrix = instance.world_from_object
+    mesh, matrix = scene.meshes[instance.mesh], instance.world_from_object
     corners = mesh.vertices[mesh.triangles[triangle]].astype(np.float64)
     local = np.einsum("nk,nkd->nd", weights, corners)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -105,9 +107,10 @@ def context_on(
         found = mesh.attributes.get(name)
         if found is None and name.endswith(TANGENT):
             mapped = mesh.attributes.get(name.removesuffix(TANGENT))
+            closed = mapped is None and scene.blender_version >= CLOSED
             mapped = around(mesh) if mapped is None and name == TANGENT else mapped
             if mapped is not None:
-                found = mesh.attributes[name] = tangents(mesh, mapped)
+                found = mesh.attributes[name] = tangents(mesh, mapped, closed=closed)
         return None if found is None else np.einsum("nk,nkd->nd", weights, found[triangle])
 
     return Context(

@@ -13,15 +13,18 @@ from .arrays import Floats, Singles
 from .scene import Mesh
 
 
-def tangents(mesh: Mesh, uv: Singles) -> Singles:
+def tangents(mesh: Mesh, uv: Singles, *, closed: bool = False) -> Singles:
     """Return (m, 3, 4): unit tangents, and 1 or -1 for the sense of turning.
 
-    `uv` (m, 3, 2) is the map; where a triangle has no area in it, it adds nothing.
+    `uv` (m, 3, 2) is the map. A triangle without area in it adds nothing and takes what others have
+    at its corners, the X axis where none has anything. Across the seam of a `closed` map u goes on.
     """
     places = mesh.vertices[mesh.triangles]
     corners, flat = places.astype(np.float64), uv.astype(np.float64)
     (e1, e2), (t1, t2) = (np.moveaxis(a[:, 1:] - a[:, :1], 1, 0) for a in (corners, flat))
-    turn = np.where(t1[:, 0] * t2[:, 1] > t1[:, 1] * t2[:, 0], 1.0, -1.0)
+    if closed:
+        t1[:, 0], t2[:, 0] = (t[:, 0] - np.round(t[:, 0]) for t in (t1, t2))
+    turn = np.sign(t1[:, 0] * t2[:, 1] - t1[:, 1] * t2[:, 0])
     along = (t2[:, 1:] * e1 - t1[:, 1:] * e2) * turn[:, None]
     faces = np.repeat(_unit(np.cross(e1, e2))[:, None], 3, axis=1).astype(np.float32)
     normals = faces if mesh.normals is None else mesh.normals
@@ -30,15 +33,16 @@ def tangents(mesh: Mesh, uv: Singles) -> Singles:
     )
     angle = np.arccos(np.clip(np.sum(ahead * behind, axis=-1), -1.0, 1.0))
     parts = _within(along[:, None], normals) * angle[..., None]
-    signs = np.repeat(turn, 3).astype(np.float32)[:, None]
-    shared = np.concatenate(
-        [a.reshape(len(signs), -1) for a in (places, normals, uv, signs)], axis=1
-    )
+    signs = np.repeat(turn, 3)
+    shared = np.concatenate([a.reshape(len(signs), -1) for a in (places, normals, uv)], axis=1)
     shared = np.ascontiguousarray(shared + np.float32(0.0))  # no -0
     alike = shared.view(np.dtype((np.void, shared.itemsize * shared.shape[1])))
-    group = np.unique(alike, return_inverse=True)[1].reshape(-1)
-    sums = [np.bincount(group, part)[group].astype(np.float64) for part in parts.reshape(-1, 3).T]
-    found = np.concatenate([_unit(np.stack(sums, axis=1)), signs], axis=1)
+    side = 2 * np.unique(alike, return_inverse=True)[1].reshape(-1) + (signs > 0.0)
+    sums = [np.bincount(side, part, 2 * len(side)) for part in parts.reshape(-1, 3).T]
+    total = _unit(np.stack(sums, axis=1).astype(np.float64))
+    side[(signs == 0.0) & ~total[side].any(axis=1)] += 1
+    found = np.concatenate([total[side], 2.0 * (side % 2)[:, None] - 1.0], axis=1)
+    found[~total[side].any(axis=1)] = [1.0, 0.0, 0.0, -1.0]
     return found.reshape(-1, 3, 4).astype(np.float32)
 
 

@@ -47,7 +47,7 @@ def _image(call: Call) -> Floats:
     at, extension = call["Vector"], call.settings["extension"]
     if call.settings["projection"] != "BOX":
         return _decoded(call, _projected(at, call.settings["projection"]), extension)
-    normal = call.context.normal_in_object
+    at, normal = np.broadcast_arrays(at, call.context.normal_in_object)
     parts = np.array([_decoded(call, uv, extension) for uv in _sides(at, normal)])
     return np.einsum("nk,knc->nc", _box_weights(normal, call.settings["projection_blend"]), parts)
 
