@@ -41,20 +41,10 @@ def row(record: Any, convention: Any, model: Any, point: Any) -> dict[str, Any]:
 
     from ..blender_rad.inspection import inspect_lights
     from ..blender_rad.lights import Light, light_from_record
-    from ..blender_rad.scene import Scene, World
+    from ..blender_rad.scene import Scene
     from ..blender_rad.stated import arriving, per_energy
 
     scene = Scene(
-        file="",
-        sha256="",
-        frame=0,
-        meshes=(),
-        instances=(),
-        materials=(),
-        lights=(),
-        world=World(),
-        camera=None,
-        resolution=(1, 1),
         unit_scale_m=record.unit_scale_m,
         model=model,
         luminance_weights=convention.weights,

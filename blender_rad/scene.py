@@ -175,16 +175,16 @@ class World:
 class Scene:
     """Everything that direct light depends on."""
 
-    file: str
-    sha256: str
-    frame: int
-    meshes: tuple[Mesh, ...]
-    instances: tuple[Instance, ...]
-    materials: tuple[Material, ...]
-    lights: tuple[Light, ...]  # native ones; the estimator adds the mesh emitters and the world
-    world: World
-    camera: Camera | None
-    resolution: tuple[int, int]  # width and height of the full frame in pixels
+    file: str = ""
+    sha256: str = ""
+    frame: int = 0
+    meshes: tuple[Mesh, ...] = ()
+    instances: tuple[Instance, ...] = ()
+    materials: tuple[Material, ...] = ()
+    lights: tuple[Light, ...] = ()  # native; the estimator adds mesh emitters and the world
+    world: World = field(default_factory=World)
+    camera: Camera | None = None
+    resolution: tuple[int, int] = (1, 1)  # width and height of the full frame in pixels
     # x0, y0, x1, y1 from the lower left, the part that is rendered; outside it pixels are 0:
     border: tuple[int, int, int, int] | None = None
     film_transparent: bool = False  # alpha is 0 where the world shows
