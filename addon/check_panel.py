@@ -111,8 +111,6 @@ class RADIOMETRIC_OT_difference(Action, bpy.types.Operator):
 
 
 class RADIOMETRIC_RENDER_PT_check(InProperties, bpy.types.Panel):
-    """The check, its progress and its answer."""
-
     bl_label = "Radiometric Check"
     bl_context = 'render'
 

@@ -24,15 +24,11 @@ class _Panel(InProperties):
 
 
 class RADIOMETRIC_RENDER_PT_sampling(_Panel, bpy.types.Panel):
-    """How well to render, and what lights and materials mean."""
-
     bl_label = "Sampling"
     properties = ("error", "samples", "pass_lights")
 
 
 class RADIOMETRIC_RENDER_PT_view(_Panel, bpy.types.Panel):
-    """What rendered viewports show."""
-
     bl_label = "Viewport False Colour"
     bl_options = {'DEFAULT_CLOSED'}
     properties = ("view", "scale", "low", "high")

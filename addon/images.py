@@ -112,8 +112,6 @@ class RADIOMETRIC_OT_false_colour(Action, bpy.types.Operator):
 
 
 class RADIOMETRIC_IMAGE_PT_false_colour(bpy.types.Panel):
-    """False colours of the picture that the Image Editor shows."""
-
     bl_label = "False Colour"
     bl_space_type = 'IMAGE_EDITOR'
     bl_region_type = 'UI'

@@ -43,8 +43,6 @@ class RADIOMETRIC_OT_laws(Action, bpy.types.Operator):
 
 
 class RADIOMETRIC_PT_laws(InProperties, bpy.types.Panel):
-    """What the last check says of the material."""
-
     bl_label = "Laws of Reflection"
     bl_parent_id = "RADIOMETRIC_PT_material"
     bl_context = "material"

@@ -31,8 +31,6 @@ def _block(context: bpy.types.Context) -> Any:
 
 
 class RADIOMETRIC_MT_unit(bpy.types.Menu):
-    """The units that the light, material or world can have."""
-
     bl_label = "Unit"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -60,8 +58,6 @@ def draw_value(layout: Any, block: Any) -> str:
 
 
 class RADIOMETRIC_PT_light(InProperties, bpy.types.Panel):
-    """States a light in its unit."""
-
     bl_label = "Radiometry"
     bl_context = "data"
 
@@ -106,8 +102,6 @@ def _asked(light: Any, name: str | None, point: Any) -> bytes:
 
 
 class RADIOMETRIC_PT_emits(InProperties, bpy.types.Panel):
-    """Reads what a light emits."""
-
     bl_label = "What It Emits"
     bl_parent_id = "RADIOMETRIC_PT_light"
     bl_context = "data"
@@ -164,14 +158,10 @@ class _Glow(InProperties):
 
 
 class RADIOMETRIC_PT_material(_Glow, bpy.types.Panel):
-    """States the emission of a material."""
-
     bl_context = "material"
 
 
 class RADIOMETRIC_PT_world(_Glow, bpy.types.Panel):
-    """States the radiance of a world."""
-
     bl_context = "world"
 
 

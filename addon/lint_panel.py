@@ -149,8 +149,6 @@ class RADIOMETRIC_UL_findings(bpy.types.UIList):
 
 
 class RADIOMETRIC_RENDER_PT_lint(InProperties, bpy.types.Panel):
-    """What biases the light of the scene."""
-
     bl_label = "Radiometric Linter"
     bl_context = 'render'
     bl_options = {'DEFAULT_CLOSED'}

@@ -35,8 +35,6 @@ def _judged(meter: Any, context: bpy.types.Context) -> None:
 
 
 class RADIOMETRIC_PG_meter(bpy.types.PropertyGroup):
-    """What makes an object a meter."""
-
     kind: EnumProperty(name="Kind", items=(('NONE', "None", "No meter"), *(k[:3] for k in KINDS)))
     target: FloatProperty(
         name="Target",
@@ -167,8 +165,6 @@ class RADIOMETRIC_OT_solve(Action, bpy.types.Operator):
 
 
 class RADIOMETRIC_PT_meters(bpy.types.Panel):
-    """Meters, their targets, and what they read."""
-
     bl_label = "Light Meters"
     bl_space_type = 'VIEW_3D'
     bl_region_type = 'UI'
@@ -211,8 +207,6 @@ class RADIOMETRIC_PT_meters(bpy.types.Panel):
 
 
 class RADIOMETRIC_MT_meters(bpy.types.Menu):
-    """Meters to add."""
-
     bl_label = "Light Meter"
 
     def draw(self, context: bpy.types.Context) -> None:

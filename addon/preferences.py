@@ -19,8 +19,6 @@ NEEDED_FOR = {
 
 
 class RADIOMETRIC_AP_preferences(bpy.types.AddonPreferences):
-    """Tells which version runs, and what it lacks."""
-
     bl_idname = str(root_package)
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -15,8 +15,6 @@ def _changed(settings: Any, _: Any) -> None:
 
 
 class RADIOMETRIC_PG_scene(bpy.types.PropertyGroup):
-    """Settings of the engine, the check and the false colours."""
-
     model: EnumProperty(
         name="Lights",
         description="What a light's numbers mean",

@@ -257,8 +257,6 @@ def _keep_flux(_: Any, depsgraph: Any) -> None:
 
 
 class RADIOMETRIC_PG_light(bpy.types.PropertyGroup):
-    """How a light's number is stated."""
-
     unit: EnumProperty(
         name="Unit",
         description="What the value counts. A new unit says the same light in other words",
@@ -354,8 +352,6 @@ def _set_glow(group: Any, value: float) -> None:
 
 
 class RADIOMETRIC_PG_glow(bpy.types.PropertyGroup):
-    """How the emission of a material or world is stated."""
-
     unit: EnumProperty(
         name="Unit", description="What the value counts", items=UNITS, default='cd/m2'
     )

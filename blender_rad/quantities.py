@@ -42,7 +42,6 @@ class Quantity(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The name as people write it."""
         return self.name.replace("_", " ")
 
 
@@ -64,7 +63,6 @@ QUANTITIES = {
 
 
 def quantity(form: Form, kind: Kind) -> Quantity:
-    """Return the quantity of that form and kind."""
     return next(q for q in QUANTITIES.values() if (q.form, q.kind) == (form, kind))
 
 
@@ -81,15 +79,12 @@ class Unit(NamedTuple):
 
     @property
     def quantity(self) -> Quantity:
-        """What it is a unit of."""
         return quantity(self.form, "photon" if self.kind == "photosynthetic" else self.kind)
 
     def to_si(self, value: float) -> float:
-        """Return the value in SI."""
         return self.factor * (2.0**value if self.stops else value) ** self.sign
 
     def from_si(self, value: float) -> float:
-        """Return the value in this unit."""
         ratio = (value / self.factor) ** self.sign
         if self.stops:
             return math.log2(ratio) if ratio > 0.0 else -math.inf

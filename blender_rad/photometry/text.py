@@ -43,7 +43,6 @@ class Reader:
     def note(
         self, code: str, severity: Severity, message: str, effect_percent: float | None = None
     ) -> None:
-        """Keep a finding."""
         self.findings.append(Finding(code, severity, self.name, message, effect_percent))
 
     def refuse(self, what: str, line: int, expected: str) -> RadError:
@@ -87,7 +86,6 @@ class Numbers:
         return np.array(values, dtype=np.float64)
 
     def one(self, what: str) -> float:
-        """Return the next number."""
         return float(self.take(1, what)[0])
 
     def choice(self, what: str, low: int, high: int | None = None) -> int:

@@ -59,7 +59,6 @@ class Call:
         return self._inputs[name].evaluate(self.context)
 
     def values(self) -> dict[str, Floats]:
-        """Return all inputs."""
         return {name: self[name] for name in self._inputs}
 
     def columns(self, *names: str) -> Floats:
