@@ -175,16 +175,11 @@ def read_planes(path: str | os.PathLike[str]) -> tuple[dict[str, Pixels], dict[s
     try:
         with OpenEXR.File(os.fspath(path), separate_channels=True) as file:
             for part in file.parts:
-                header = dict(part.header) | header
+                header, own = dict(part.header) | header, part.header.get("name", "")
                 for name, channel in reversed(part.channels.items()):
-                    planes[_full_name(part, name)] = np.array(channel.pixels, dtype=np.float32)
+                    full = name if not own or name.startswith(own) else f"{own}.{name}"  # Blender 5
+                    planes[full] = np.array(channel.pixels, dtype=np.float32)
     except RuntimeError as error:
         said = f"expected one; the reader says: {error}"
         raise RadError("not a readable EXR file", os.fspath(path), said) from None
     return planes, header
-
-
-def _full_name(part: Any, channel: str) -> str:
-    """Return a channel's name with its part's, unless it says it already (Blender 5)."""
-    name = part.header.get("name", "")
-    return channel if not name or channel.startswith(name) else f"{name}.{channel}"

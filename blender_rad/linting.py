@@ -328,14 +328,6 @@ def _gltf_emission(lint: Lint) -> Iterator[Said]:
         yield Said(f"{said} ({', '.join(names[:3])})", 100.0 * (GLTF_LM_W - 1.0))
 
 
-def severity_of(effect_percent: float | None) -> Severity:
-    """Return how bad a certain effect is; None is one that may be."""
-    if effect_percent is None:
-        return "warning"
-    size = abs(effect_percent)
-    return "error" if size >= NOTICEABLE else "warning" if size >= SAME else "info"
-
-
 def found_by(code: str, scene: Scene, threads: int | None = None) -> list[Finding]:
     """Return what the rule `code`, which asks for no settings, finds in a scene."""
     return [_finding(code, said) for said in RULES[code](Lint(scene, {}, threads))]
@@ -343,7 +335,9 @@ def found_by(code: str, scene: Scene, threads: int | None = None) -> list[Findin
 
 def _finding(code: str, said: Said) -> Finding:
     message, effect, severity, about = said
-    return Finding(code, severity or severity_of(effect), about, message, effect)
+    size = SAME if effect is None else abs(effect)  # what only may be is a warning
+    certain = "error" if size >= NOTICEABLE else "warning" if size >= SAME else "info"
+    return Finding(code, severity or certain, about, message, effect)
 
 
 def _said(lint: Lint) -> Iterator[tuple[str, Said]]:

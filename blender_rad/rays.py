@@ -95,11 +95,6 @@ def _library() -> ctypes.CDLL:
     program = ctypes.CDLL(None) if sys.platform == "linux" else None
     if program is not None and hasattr(program, "rtcCommitScene"):
         return program
-    return ctypes.CDLL(str(_library_path()))
-
-
-def _library_path() -> Path:
-    """Return the Embree library that comes with embreex."""
     import embreex
 
     package = Path(embreex.__file__).parent
@@ -108,7 +103,7 @@ def _library_path() -> Path:
     found = [path for f in folders for pattern in patterns for path in sorted(f.glob(pattern))]
     if not found:
         raise ImportError(f"no Embree library beside {package}; reinstall embreex")
-    return found[0]
+    return ctypes.CDLL(str(found[0]))
 
 
 def embree_version() -> str:
@@ -136,7 +131,9 @@ class Caster:
     def __init__(
         self, meshes: Sequence[Mesh], instances: Sequence[Instance], chosen: Sequence[int]
     ) -> None:
-        self._scene = _new_scene()
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._scene = _known(EmbreeScene, _SCENE_FIELDS_BYTES)(_device(), robust=True)
         self._handle = _handle(self._scene)
         self._own: list[int] = []  # scenes of shared meshes, to be released
         self.count = len(chosen)
@@ -262,12 +259,6 @@ def _hits(found: Mapping[str, NDArray[Any]]) -> Hits:
 def transform_points(matrix: Floats, points: NDArray[Any]) -> Floats:
     """Return `points` (n, 3) moved by the affine `matrix` (4, 4)."""
     return points @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def _new_scene() -> Any:
-    from embreex.rtcore_scene import EmbreeScene
-
-    return _known(EmbreeScene, _SCENE_FIELDS_BYTES)(_device(), robust=True)
 
 
 def _known(wrapper: type[Any], fields_bytes: int) -> type[Any]:
