@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blender_rad.lights import Light
+from blender_rad.lights.area import AreaLight
 from blender_rad.scene import Camera, Instance, Material, Mesh, Scene, World
 
 Floats = NDArray[np.float64]
@@ -65,6 +66,13 @@ def camera_above(height: float = 10.0, half_width: float = 2.0) -> Camera:
         (-half_width, half_width, -half_width, half_width),
         (0.1, 100.0),
     )
+
+
+def panel(rgb: Any, at: Any, width: float, depth: float, **others: Any) -> AreaLight:
+    """A rectangle that shines down."""
+    axes = {"axis_u": np.array([width, 0.0, 0.0]), "axis_v": np.array([0.0, -depth, 0.0])}
+    down, rgb = np.array([0.0, 0.0, -1.0]), np.broadcast_to(rgb, 3).astype(float)
+    return AreaLight(name="area", rgb=rgb, center=np.array(at), direction=down, **axes, **others)
 
 
 def scene(

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from blender_rad.lights import Light
-from blender_rad.lights.area import AreaLight
 from blender_rad.lights.point import PointLight
 from blender_rad.lights.sun import SunLight
 from blender_rad.meters import LuxMeter, grid
 from blender_rad.rendering import Settings, render
 from blender_rad.scene import Camera, Instance, Scene, World
+from tests import handmade
 from tests.handmade import moved, scene, square
 
 PROMISE = 1e-3  # CONTRACT: closed forms agree to 0.1 %
@@ -69,15 +69,7 @@ def lamp(intensity: float, z: float = 2.0, **others) -> PointLight:
 
 
 def panel(radiance: float, width: float, depth: float, z: float = 2.0, at=(0, 0), **others):
-    return AreaLight(
-        name="panel",
-        rgb=np.pi * width * depth * radiance * ONE,
-        center=np.array([*at, z]),
-        axis_u=np.array([width, 0.0, 0.0]),
-        axis_v=np.array([0.0, -depth, 0.0]),
-        direction=np.array([0.0, 0.0, -1.0]),
-        **others,
-    )
+    return handmade.panel(np.pi * width * depth * radiance, (*at, z), width, depth, **others)
 
 
 def sun(half_angle: float) -> SunLight:

@@ -40,13 +40,13 @@ class Ran:
         return strict(self.out)
 
 
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "blender_rad", *map(str, arguments)]
+PROGRAM = ("-m", "blender_rad")
 
 
-def ran(*arguments: object, **environment: str) -> Ran:
+def python(*arguments: object, **environment: str) -> Ran:
+    """Run a Python of its own."""
     done = subprocess.run(
-        command(*arguments),
+        [sys.executable, *map(str, arguments)],
         cwd=ROOT,
         env=os.environ | environment,
         capture_output=True,
@@ -57,11 +57,15 @@ def ran(*arguments: object, **environment: str) -> Ran:
     return Ran(done.returncode, done.stdout, done.stderr)
 
 
+def ran(*arguments: object, **environment: str) -> Ran:
+    return python(*PROGRAM, *arguments, **environment)
+
+
 def interrupted(reached: Callable[[], object], *arguments: object) -> None:
     """Interrupt a run whose Blender is there when `reached` returns: it leaves no scratch file."""
     with tempfile.TemporaryDirectory() as scratch:
         process = subprocess.Popen(
-            command(*arguments),
+            [sys.executable, *PROGRAM, *map(str, arguments)],
             cwd=ROOT,
             env=os.environ | {"TMPDIR": scratch},
             stdout=subprocess.PIPE,

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Opening files: bad ones said in one line, good ones without scripts and without chatter."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import bpy
@@ -11,7 +9,7 @@ import pytest
 from blender_rad.bpy_io.open import open_scene
 from blender_rad.bpy_io.read import read_scene
 
-from .promised import save
+from .promised import python, save
 from .reading import SQUARE, add, camera, empty_scene, polygons
 
 
@@ -105,8 +103,6 @@ def test_standard_output_is_ours_and_blender_ends(blocked: bool, file: Path) -> 
         save(file)
     broken = file.with_name("broken.blend")
     broken.write_text("not a scene")
-    command = [sys.executable, "-c", QUIET, str(file), str(broken)]
-    options = {"cwd": Path(__file__).parents[2], "timeout": 60}
-    done = subprocess.run(command, check=False, capture_output=True, text=True, **options)
-    assert (done.returncode, done.stdout.splitlines()) == (7, ["only this"])
-    assert blocked or not done.stderr
+    done = python("-c", QUIET, file, broken)
+    assert (done.code, done.out.splitlines()) == (7, ["only this"])
+    assert blocked or not done.err

@@ -3,8 +3,6 @@
 
 import math
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ import pytest
 
 from blender_rad.bpy_io.witness import CyclesWitness
 
+from .promised import python
 from .reading import add, camera, empty_scene, light, material, polygons
 
 HEIGHT, POWER, SIDE, VIEW, FINE = 2.0, 10.0, 32, 2.0, 4
@@ -151,14 +150,6 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGINT to a single process there")
 def test_interrupt_while_rendering_is_not_swallowed(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED],
-        env=os.environ | {"TMPDIR": str(tmp_path)},
-        cwd=Path(__file__).parents[2],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert (done.returncode, done.stdout) == (130, ""), done.stderr
+    done = python("-c", INTERRUPTED, TMPDIR=str(tmp_path))
+    assert (done.code, done.out) == (130, ""), done.err
     assert not list(tmp_path.iterdir())

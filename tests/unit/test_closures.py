@@ -14,13 +14,12 @@ from blender_rad.closures import Closures, Scattering
 from blender_rad.crowds import gathered
 from blender_rad.direct import DirectLight
 from blender_rad.lights import SkyMap
-from blender_rad.lights.area import AreaLight
 from blender_rad.lights.point import PointLight
 from blender_rad.lights.sun import SunLight
 from blender_rad.rendering import Settings, render
 from blender_rad.scene import Closure, Instance, Material, Scene, World
 from blender_rad.textures import constant
-from tests.handmade import ball, moved, scene, square
+from tests.handmade import ball, moved, panel, scene, square
 
 ONE = np.ones(3)
 SAMPLES, SIGMAS = 8_000, 5.0
@@ -37,14 +36,7 @@ def ggx(roughness: float, colour: tuple[float, float, float] = (0.9, 0.7, 0.5)) 
 
 
 TRANSLUCENT = closure("Translucent", Color=(0.8, 0.6, 0.4))
-AREA = AreaLight(
-    name="area",
-    rgb=100.0 * ONE,
-    center=np.array([2.0, 0.5, 3.0]),
-    axis_u=np.array([2.0, 0.0, 0.0]),
-    axis_v=np.array([0.0, -1.0, 0.0]),
-    direction=np.array([0.0, 0.0, -1.0]),
-)
+AREA = panel(100.0, (2.0, 0.5, 3.0), 2.0, 1.0)
 SPHERE = PointLight(name="sphere", rgb=100.0 * ONE, position=np.array([3.0, -1, 3]), radius=1.0)
 SUN = SunLight(name="sun", rgb=3.0 * ONE, towards=np.array([0.48, -0.36, 0.8]), half_angle=0.3)
 SKY = np.full((32, 64, 3), 0.2, dtype=np.float32)

@@ -9,23 +9,15 @@ import pytest
 
 from blender_rad import rendering
 from blender_rad.errors import RadError
-from blender_rad.lights.area import AreaLight
 from blender_rad.lights.point import PointLight
 from blender_rad.rendering import CancelledError, Settings, render
 from blender_rad.scene import Camera, Instance, Material, Scene, Unsupported, World
-from tests.handmade import GREY, ball, moved, scene, square
+from tests.handmade import GREY, ball, moved, panel, scene, square
 
 HAIR = Unsupported("object", "hair", "hair")
 FUR = Material("fur", opaque=False, unsupported=(HAIR,))
 POINT = PointLight(name="point", rgb=np.full(3, 300.0), position=np.array([2.0, -3.0, 4.0]))
-AREA = AreaLight(
-    name="area",
-    rgb=np.array([300.0, 200.0, 100.0]),
-    center=np.array([-2.0, 1.0, 4.0]),
-    axis_u=np.array([2.0, 0.0, 0.0]),
-    axis_v=np.array([0.0, -1.0, 0.0]),
-    direction=np.array([0.0, 0.0, -1.0]),
-)
+AREA = panel((300.0, 200.0, 100.0), (-2.0, 1.0, 4.0), 2.0, 1.0)
 SKY = World(radiance=(0.5, 0.25, 0.125))
 SIZE = 48
 MIDDLE = SIZE // 2, SIZE // 2
