@@ -85,7 +85,6 @@ def record_of(light: Any, matrix: Any = None) -> Any:
         light.name,
         matrix,
         unit_scale_m=unit_scale(),
-        version=bpy.app.version,
     )
 
 

@@ -11,21 +11,21 @@ from mathutils import Euler
 
 from ..arrays import Floats
 from ..photometry import Distribution, as_ies
+from ..scene import BLACK
 from . import nodes
 
 FEATURE = "IES Texture"
 
 
-def add_photometric_light(light: Distribution, name: str | None = None) -> Any:
+def add_photometric_light(light: Distribution) -> Any:
     """Add a point light of `light` to the open scene, and return its object.
 
     Where the object is not turned, C0 shines along +X, C90 along +Y, gamma 0 down. Its 1 W means
     the file's candelas: times 1/177.83 in W/sr to Cycles, see `as_ies` for what it interpolates.
     """
-    name = name or light.name
-    text = bpy.data.texts.new(f"{name}.ies")
+    text = bpy.data.texts.new(f"{light.name}.ies")
     text.from_string(as_ies(light, blender=True))
-    lamp: Any = bpy.data.lights.new(name, 'POINT')
+    lamp: Any = bpy.data.lights.new(light.name, 'POINT')
     lamp.energy, lamp.shadow_soft_size = 1.0, 0.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -35,7 +35,7 @@ def add_photometric_light(light: Distribution, name: str | None = None) -> Any:
     node: Any = tree.nodes.new("ShaderNodeTexIES")
     node.mode, node.ies, node.location = 'INTERNAL', text, (-200.0, 300.0)
     tree.links.new(node.outputs["Fac"], emission.inputs["Strength"])
-    placed = bpy.data.objects.new(name, lamp)
+    placed = bpy.data.objects.new(light.name, lamp)
     collection: Any = bpy.context.collection
     collection.objects.link(placed)
     return placed
@@ -118,7 +118,7 @@ def _mapping(node: Any, groups: nodes.Groups) -> Floats | None:
     """Return the matrix (3, 3) of a Mapping node that only turns and scales."""
     rotation, scale = (nodes.colour(node.inputs[name], groups) for name in ("Rotation", "Scale"))
     moves = node.vector_type in {'POINT', 'TEXTURE'}
-    still = not moves or nodes.colour(node.inputs["Location"], groups) == nodes.BLACK
+    still = not moves or nodes.colour(node.inputs["Location"], groups) == BLACK
     if not still or rotation is None or scale is None or 0.0 in scale:
         return None
     turn, stretch = np.array(Euler(rotation).to_matrix(), dtype=np.float64), np.diag(scale)

@@ -280,8 +280,7 @@ class Reader:
             self.findings.append(Finding(note, "warning", facts.name, NOTES[note]))
 
     def _record(self, bl_object: Any, name: str, world: Floats, **seen: bool) -> LightRecord:
-        scale, version = self.unit_scale_m, bpy.app.version
-        record = light_record(bl_object, name, world, unit_scale_m=scale, version=version, **seen)
+        record = light_record(bl_object, name, world, unit_scale_m=self.unit_scale_m, **seen)
         self.records.append(record)
         return record
 

@@ -3,6 +3,7 @@
 
 from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +22,6 @@ def light_record(
     world_from_light: NDArray[Any],
     *,
     unit_scale_m: float,
-    version: tuple[int, int, int],
     visible_camera: bool = False,
     shown: bool = True,
 ) -> LightRecord:
@@ -53,7 +53,7 @@ def light_record(
         properties=properties,
         world_from_light=world_from_light,
         unit_scale_m=unit_scale_m,
-        blender_version=version,
+        blender_version=bpy.app.version,
         visible_camera=visible_camera,
         data=light.name,
         shown=shown,

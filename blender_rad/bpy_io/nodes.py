@@ -9,11 +9,10 @@ import bpy
 import numpy as np
 
 from ..arrays import Floats
+from ..scene import BLACK, RGB
 from ..textures import Expression, constant, folded
 from .expressions import Groups, UnknownNodeError, expression, source
 
-Triple = tuple[float, float, float]
-BLACK: Triple = (0.0, 0.0, 0.0)
 Weight = Expression | None
 Ask = Callable[[Any, Groups], Expression | None]  # Blender for a socket's value, None for no way
 WHOLE, NOTHING = constant(1.0), constant(0.0)
@@ -53,7 +52,7 @@ def number(socket: Any, groups: Groups = ()) -> float | None:
     return None if value is None or value.size > 1 else float(value[0, 0])
 
 
-def colour(socket: Any, groups: Groups = ()) -> Triple | None:
+def colour(socket: Any, groups: Groups = ()) -> RGB | None:
     """Return the constant colour that `socket` gets, None when it is not constant."""
     found = read(socket, groups)
     return None if found is None or found.value is None else triple(found.value)
@@ -107,18 +106,18 @@ def leaf_emission(leaf: Leaf, strength: str = "Strength", tint: str = "Color") -
     return None if power is None or rgb is None or weight is None else weight * power * rgb
 
 
-def grey(value: float) -> Triple:
+def grey(value: float) -> RGB:
     """Return `value` in all three channels."""
     return (value, value, value)
 
 
-def triple(value: Floats) -> Triple:
+def triple(value: Floats) -> RGB:
     """Return a constant, (1, 1) or (1, 3), as a colour."""
     red, green, blue = np.broadcast_to(value, (1, 3))[0].tolist()
     return (red, green, blue)
 
 
-def split(parts: Iterable[Expression]) -> tuple[Triple, Expression | None]:
+def split(parts: Iterable[Expression]) -> tuple[RGB, Expression | None]:
     """Return the sum of the constant parts, and that of those that vary, None without any."""
     total, varying = NOTHING, None
     for part in parts:
@@ -129,7 +128,7 @@ def split(parts: Iterable[Expression]) -> tuple[Triple, Expression | None]:
     return triple(np.asarray(total.value)), varying
 
 
-def emission(tree: Any, kinds: set[str]) -> tuple[Triple, Expression | None, str | None]:
+def emission(tree: Any, kinds: set[str]) -> tuple[RGB, Expression | None, str | None]:
     """Return the emission of a world's or a light's `tree`: constant, varying, what is unknown.
 
     `kinds` are the closure nodes that emit here; any other closure is named as unsupported.

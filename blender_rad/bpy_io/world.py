@@ -4,7 +4,7 @@
 from typing import Any
 
 from ..lights import RAYS, SkyMap
-from ..scene import Unsupported, World
+from ..scene import BLACK, RGB, Unsupported, World
 from ..textures import Expression, constant
 from . import nodes
 from .sky import known_sky, measure_sky, unmeasurable
@@ -39,7 +39,7 @@ def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
     if varying:
         if not (maps or features):
             maps = (known_sky(bl_world, varying + constant(radiance)),)
-        radiance = nodes.BLACK
+        radiance = BLACK
     elif unknown and not (maps or features):
         features = [unknown]
     shown = {f"visible_{r}": getattr(bl_world.cycles_visibility, r) for r in ("camera", *RAYS)}
@@ -52,7 +52,7 @@ def read_world(bl_world: Any | None, maps: tuple[SkyMap, ...] = ()) -> World:
     )
 
 
-def _emission(bl_world: Any) -> tuple[nodes.Triple, Expression | None, str | None]:
+def _emission(bl_world: Any) -> tuple[RGB, Expression | None, str | None]:
     """Return the radiance [W/(m² sr)]: constant, varying, and what is not known of it."""
     if nodes.uses_nodes(bl_world):
         return nodes.emission(bl_world.node_tree, _EMITTERS)

@@ -113,11 +113,6 @@ def _pictures(data: ReportData, tolerance: float) -> dict[str, Any]:
     }
 
 
-def _shown(value: object) -> object:
-    """Return text from outside with its control characters visible, and all else as it is."""
-    return wording.visible(value) if type(value) is str else value
-
-
 @functools.cache
 def _template() -> jinja2.Template:
     import jinja2
@@ -128,7 +123,7 @@ def _template() -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_shown,
+        finalize=lambda value: wording.visible(value) if type(value) is str else value,
     )
     for word in ("number", "percent", "signed_percent", "name", "kind"):
         environment.filters[word] = getattr(wording, word)

@@ -188,7 +188,7 @@ class Stage:
         """Return the light as it is read."""
         evaluated = self.light.evaluated_get(bpy.context.evaluated_depsgraph_get())
         matrix = np.array(evaluated.matrix_world)
-        return light_record(evaluated, "Light", matrix, unit_scale_m=1.0, version=bpy.app.version)
+        return light_record(evaluated, "Light", matrix, unit_scale_m=1.0)
 
     def irradiance(self, place: Any, normal: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and standard error (3,) of E at a receiver."""
