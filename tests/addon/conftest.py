@@ -33,7 +33,8 @@ def package() -> ModuleType:
 
 @pytest.fixture
 def addon(package: ModuleType) -> Iterator[Any]:
-    bpy = pytest.importorskip("bpy")
+    import bpy
+
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     module = importlib.import_module(f"{NAME}.addon")
     module.register()

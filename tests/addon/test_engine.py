@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The render engine and the check, in a Blender that has nothing but the installed ZIP of us."""
 
+import importlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import OpenEXR
 import pytest
 
 import blender_rad
-
-pytestmark = pytest.mark.blender
+from blender_rad.bpy_io.cameras import read_camera
 
 AT = (slice(0, 16), slice(12, 36))  # of the border: the upper half's middle, row 0 at the top
 
@@ -78,12 +79,6 @@ def test_the_check_comes_to_a_verdict_and_shows_where(story: dict[str, object]) 
 
 @pytest.mark.parametrize("kind", ['PERSP', 'ORTHO'])
 def test_a_viewport_in_a_camera_sees_what_the_camera_sees(addon: Any, kind: str) -> None:
-    import importlib
-
-    import bpy
-
-    from blender_rad.bpy_io.cameras import read_camera
-
     bpy.ops.object.camera_add(location=(1, -4, 2), rotation=(1.1, 0.2, 0.3))
     camera, render = bpy.context.object, bpy.context.scene.render
     data, size = camera.data, (90, 60)

@@ -10,8 +10,6 @@ import pytest
 from blender_rad.registry import Registry
 from tests.addon.building import ROOT, builder, run
 
-pytestmark = pytest.mark.blender
-
 ENABLE_LIMIT_S = 0.2  # promised: an artist does not wait for an add-on
 # Not NumPy: Blender loads that itself.
 HEAVY = {"OpenEXR", "colour", "embreex", "jinja2", "matplotlib", "scipy", "tqdm"}

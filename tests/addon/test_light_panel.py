@@ -9,21 +9,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.bpy_io.session import in_render
 from blender_rad.inspection import inspect_lights
 from blender_rad.quantities import K_M
 from blender_rad.spectra import spectrum
 from blender_rad.units import convert
+from tests.blender.reading import light
 
-bpy = pytest.importorskip("bpy")
-
-from blender_rad.bpy_io.read import read_scene  # noqa: E402
-from blender_rad.bpy_io.session import in_render  # noqa: E402
-from tests.blender.reading import light  # noqa: E402
-
-pytestmark = [pytest.mark.blender, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
 SINGLE = 1e-6  # Blender keeps powers in single precision
 Make = Callable[..., Any]

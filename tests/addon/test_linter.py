@@ -3,12 +3,12 @@
 
 from typing import Any
 
+import bpy
 import pytest
 
 from blender_rad.linting import FIXES
 
-bpy = pytest.importorskip("bpy")
-pytestmark = [pytest.mark.blender, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
 BIASED = {
     "film_exposure": 2.0,

@@ -4,16 +4,14 @@
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.blender
-bpy = pytest.importorskip("bpy")
+from blender_rad.bpy_io.read import read_scene
+from blender_rad.cameras import camera_rays, view_depth
 
-from blender_rad.bpy_io.read import read_scene  # noqa: E402
-from blender_rad.cameras import camera_rays, view_depth  # noqa: E402
-
-from .reading import CUBE, add, camera, cycles_passes, empty_scene, polygons  # noqa: E402
+from .reading import CUBE, add, camera, cycles_passes, empty_scene, polygons
 
 RANGE = {"latitude_min": -0.4, "latitude_max": 1.1, "longitude_min": -2.0, "longitude_max": 0.9}
 FISHEYE = {"fisheye_fov": 2.6, "fisheye_lens": 9.0, "sensor_width": 30.0, "sensor_fit": 'VERTICAL'}
