@@ -35,6 +35,8 @@ def measure(bl_scene: Any, questions: list[Asking], resolution: tuple[int, int])
     with ExitStack() as undo:
         scene = bl_scene.copy()
         undo.callback(bpy.data.scenes.remove, scene)
+        for tree in [*bpy.data.node_groups, *(asking.bl_material.node_tree for asking in asked)]:
+            _widen_bumps(tree, finer, undo.callback)
         for asking in asked:
             _wire(asking, undo.callback)
         cycles = CyclesWitness(scene, resolution=(finer * width, finer * height))
@@ -51,6 +53,15 @@ def measure(bl_scene: Any, questions: list[Asking], resolution: tuple[int, int])
 
 def _name(slot: int) -> str:
     return f"Measured {slot}"
+
+
+def _widen_bumps(tree: Any, factor: float, undo: Callable[..., Any]) -> None:
+    """Let bumps slope as over whole pixels."""
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeBump":
+            width = node.inputs["Filter Width"]
+            undo(setattr, width, "default_value", width.default_value)
+            width.default_value *= factor
 
 
 def _wire(asking: Asking, undo: Callable[..., Any]) -> None:
