@@ -9,7 +9,7 @@ from bpy.props import StringProperty
 from . import beside
 from .checking import POLL_S, Check
 from .images import show_difference
-from .shared import Action, InProperties, say
+from .shared import Action, InProperties, say, select_alone
 
 ICONS = {'agree': 'CHECKMARK', 'differ': 'CANCEL', 'undecided': 'QUESTION'}
 _checks: list[Check] = []  # the last one
@@ -79,10 +79,7 @@ class RADIOMETRIC_OT_select(bpy.types.Operator):
         if found is None:
             self.report({'WARNING'}, f"{self.name} is no object of this view layer")
             return {'CANCELLED'}
-        for selected in context.selected_objects:
-            selected.select_set(False)
-        found.select_set(True)
-        context.view_layer.objects.active = found
+        select_alone(context, found)
         return {'FINISHED'}
 
 

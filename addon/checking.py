@@ -26,21 +26,14 @@ sys.exit(run({arguments!r}))
 
 
 class Check:
-    """A check under way, or done.
-
-    Attributes
-    ----------
-    running : until `poll` has seen its end.
-    share, step : how much of which step is done.
-    document : of `report.json`, once there is one; else what went wrong is in `error`.
-    """
+    """A check under way, or done: until `poll` has seen its end it is `running`."""
 
     def __init__(self, bl_scene: Any) -> None:
         package = str(root_package)
         self.folder = Path(bpy.utils.extension_path_user(package, path="report", create=True))
         self.running, self.share, self.step = True, 0.0, "Starting"
-        self.document: dict[str, Any] | None = None
-        self.error = ""
+        self.document: dict[str, Any] | None = None  # of `report.json`, once there is one
+        self.error = ""  # what went wrong
         self._scratch = tempfile.TemporaryDirectory()
         scratch = Path(self._scratch.name)
         copy = scratch / (Path(bpy.data.filepath).name or "unsaved.blend")

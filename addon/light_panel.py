@@ -11,7 +11,7 @@ from bpy.props import StringProperty
 from ..blender_rad.errors import RadError
 from ..blender_rad.quantities import unit_named
 from . import readout, stating
-from .shared import Action, InProperties, say
+from .shared import Action, InProperties, at_cursor, say
 
 READ = (  # what, its key, and its unit
     ("Flux Φ", "luminous_flux_lm", "lm"),
@@ -217,17 +217,6 @@ class RADIOMETRIC_OT_source(Action, bpy.types.Operator):
         source = SOURCES[self.source]
         apply(light, source)
         self.report({'INFO'}, f"{self.source}: ± {source.uncertainty_percent:g} %, {source.origin}")
-
-
-def at_cursor(context: bpy.types.Context, placed: Any) -> None:
-    """Put an object into the active collection at the 3D cursor, selected alone."""
-    if not placed.users_collection:
-        context.collection.objects.link(placed)
-    placed.location = context.scene.cursor.location
-    for other in context.selected_objects:
-        other.select_set(False)
-    placed.select_set(True)
-    context.view_layer.objects.active = placed
 
 
 class RADIOMETRIC_OT_luminaire(Action, bpy.types.Operator):

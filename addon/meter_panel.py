@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from ..blender_rad.errors import RadError
 from .metering import ERROR, MET, STATE, illuminance, marks, meters, reread, scene_now, show, start
-from .shared import Action, say
+from .shared import Action, at_cursor, say
 
 KINDS: Any = (
     ('LUX', "Lux Meter", "Illuminance on a surface that faces along its Z", 'LIGHT_SUN'),
@@ -68,8 +68,6 @@ class RADIOMETRIC_OT_add_meter(Action, bpy.types.Operator):
     kind: EnumProperty(name="Kind", items=[kind[:3] for kind in KINDS])
 
     def work(self, context: bpy.types.Context) -> None:
-        from .light_panel import at_cursor
-
         metre = context.scene.unit_settings.scale_length or 1.0
         if self.kind == 'GRID':
             half = 2.0 / metre

@@ -48,19 +48,14 @@ class Mark(NamedTuple):
 
 
 class State:
-    """What is known by now, and what is under way.
-
-    Attributes
-    ----------
-    stale : the scene has changed since the meters began to be read.
-    marks : of which scene, and what is shown of its meters; None to look again.
-    """
+    """What is known by now, and what is under way."""
 
     def __init__(self) -> None:
         self.readings: dict[str, Reading] = {}
         self.error = ""
-        self.stale = self.running = False
-        self.marks: tuple[int, list[Mark]] | None = None
+        self.stale = False  # whether the scene has changed since the meters began to be read
+        self.running = False
+        self.marks: tuple[int, list[Mark]] | None = None  # of which scene; None to look again
 
 
 STATE = State()

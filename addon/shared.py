@@ -37,3 +37,19 @@ def say(layout: Any, context: Any, text: str, icon: str) -> None:
     column.scale_y = 0.8
     for number, line in enumerate(textwrap.wrap(text, width)):
         column.label(text=line, icon='BLANK1' if number else icon)
+
+
+def select_alone(context: Any, chosen: Any) -> None:
+    """Make an object the only one that is selected, and the active one."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    chosen.select_set(True)
+    context.view_layer.objects.active = chosen
+
+
+def at_cursor(context: Any, placed: Any) -> None:
+    """Put an object into the active collection at the 3D cursor, selected alone."""
+    if not placed.users_collection:
+        context.collection.objects.link(placed)
+    placed.location = context.scene.cursor.location
+    select_alone(context, placed)

@@ -25,21 +25,14 @@ log = logging.getLogger(__name__)
 
 
 class Viewport:
-    """One region's picture.
-
-    Attributes
-    ----------
-    film : the newest picture, made by the thread and taken by whoever draws; None before any.
-    error : its relative standard error.
-    refining : whether there are better ones to come.
-    texture : of which film, drawn how, and the texture itself.
-    """
+    """One region's picture, made by a thread and taken by whoever draws."""
 
     def __init__(self, redraw: Callable[[], None]) -> None:
-        self.film: Film | None = None
-        self.error = 0.0
+        self.film: Film | None = None  # the newest
+        self.error = 0.0  # its relative standard error
         self.scene: Scene | None = None
-        self.refining = False
+        self.refining = False  # whether there are better ones to come
+        # Of which film, drawn how, and the texture itself:
         self.texture: tuple[object, object, Any] = (None, None, None)
         self._redraw = redraw
         self._light: DirectLight | None = None

@@ -52,40 +52,27 @@ class Witness(Protocol):
 
 @dataclass(frozen=True)
 class Terms:
-    """What is asked of a comparison.
-
-    Attributes
-    ----------
-    samples : a pixel on our side, and a pixel and seed on the witness's; None buys until decided.
-    film_exposure : of the pictures, where it is not 1.
-    time_limit : [s] after which no more is rendered, but for a picture in work. It takes the place
-        of our own limits on samples; None keeps to these.
-    """
+    """What is asked of a comparison."""
 
     tolerance: float = 0.01
     confidence: float = 0.99
-    samples: int | None = None
+    samples: int | None = None  # a pixel, and a seed of the witness's; None buys until decided
     threads: int | None = None
-    film_exposure: float | None = None
+    film_exposure: float | None = None  # of the pictures, where it is not 1
+    # [s] after which no more is rendered, but for a picture in work. It takes the place of our own
+    # limits on samples; None keeps to these:
     time_limit: float | None = None
 
 
 @dataclass
 class Result:
-    """A verdict with the pictures that it rests on.
-
-    Attributes
-    ----------
-    pictures : (s, h, w, 3) of the witness, a seed or a file each.
-    witness_samples : a pixel and seed, None for pictures that existed.
-    seconds : by step.
-    """
+    """A verdict with the pictures that it rests on."""
 
     film: Film
-    pictures: Pictures
+    pictures: Pictures  # (s, h, w, 3) of the witness, a seed or a file each
     comparison: Comparison
-    witness_samples: int | None
-    seconds: dict[str, float] = field(default_factory=dict)
+    witness_samples: int | None  # a pixel and seed, None for pictures that existed
+    seconds: dict[str, float] = field(default_factory=dict)  # by step
 
     @property
     def witness(self) -> Floats:

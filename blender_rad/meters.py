@@ -81,22 +81,13 @@ def grid(origin: Floats, u: Floats, v: Floats, spacing: float, margin: float = 0
 
 
 class Readings(NamedTuple):
-    """What n lux meters read.
+    """What n lux meters read."""
 
-    Attributes
-    ----------
-    irradiance : (n, 3) [W/m²].
-    lights : (n, names) illuminance by light [lx].
-    standard_error : (n,) of the illuminance [lx], for ±1.96 of it to cover 95 %.
-    unreached : (n,) bool, where the error asked for was not reached.
-    excluded : (n,) bool for each cause that makes a reading doubtful.
-    """
-
-    irradiance: Floats
-    lights: Floats
-    standard_error: Floats
-    unreached: Bools
-    excluded: dict[Unsupported, Bools]
+    irradiance: Floats  # (n, 3) [W/m²]
+    lights: Floats  # (n, names) illuminance by light [lx]
+    standard_error: Floats  # (n,) of the illuminance [lx], for ±1.96 of it to cover 95 %
+    unreached: Bools  # (n,) where the error asked for was not reached
+    excluded: dict[Unsupported, Bools]  # (n,) by cause that makes a reading doubtful
 
     @property
     def illuminance(self) -> Floats:
@@ -347,19 +338,12 @@ def _with_receiver(scene: Scene) -> Scene:
 
 
 class Look(NamedTuple):
-    """What a luminance meter reads.
+    """What a luminance meter reads."""
 
-    Attributes
-    ----------
-    radiance, variance : (3,) [W/(m² sr)], and of its mean.
-    lights : by light, what surfaces reflect of it (3,) [W/(m² sr)].
-    excluded : why the reading is doubtful.
-    """
-
-    radiance: Floats
-    variance: Floats
-    lights: dict[str, Floats]
-    excluded: tuple[Unsupported, ...]
+    radiance: Floats  # (3,) [W/(m² sr)]
+    variance: Floats  # (3,) of its mean
+    lights: dict[str, Floats]  # by light, what surfaces reflect of it (3,) [W/(m² sr)]
+    excluded: tuple[Unsupported, ...]  # why the reading is doubtful
 
     def standard_error(self, weights: Floats) -> float:
         """Return that of the luminance [cd/m²], were the channels' noise all the same."""
