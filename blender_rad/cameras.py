@@ -13,7 +13,7 @@ from .scene import Aperture, Camera
 # From the axes of panoramas, x ahead and z up (of mirror balls -y ahead), to a camera's, -z ahead.
 _CAMERA_FROM_PANORAMA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 _CAMERA_FROM_BALL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-_FLAT = ("perspective", "orthographic")
+FLAT = ("perspective", "orthographic")
 
 
 class CameraRays(NamedTuple):
@@ -55,7 +55,7 @@ def camera_rays(
     directions = aim / stretch
     if camera.aperture is not None and lens is not None:
         shift = _on_lens(camera.aperture, lens)
-        if camera.kind not in _FLAT:
+        if camera.kind not in FLAT:
             shift = _across(directions, shift, _axes(camera))
         eye += shift
         directions = aim * camera.aperture.focus - shift
@@ -137,6 +137,6 @@ def _across(directions: Floats, shift: Floats, axes: Floats) -> Floats:
 def view_depth(camera: Camera, points: Floats) -> Floats:
     """Return the depth (n,) [bu] of `points` (n, 3): along the view axis; distance in panoramas."""
     axis, position = camera.world_from_camera[:3, 2], camera.world_from_camera[:3, 3]
-    if camera.kind in _FLAT:
+    if camera.kind in FLAT:
         return -(points - position) @ axis
     return np.asarray(np.linalg.norm(points - position, axis=1))

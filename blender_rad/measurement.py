@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from .arrays import Bools, Floats, Ints
-from .cameras import camera_rays
+from .cameras import FLAT, camera_rays
 from .rays import Caster
 from .scene import Camera, Scene
 from .shading import Shading
@@ -50,6 +50,7 @@ class Measurement:
         missing = np.flatnonzero(self._needed.take(surface.material))
         if self._scene.measured is None:
             return point, missing
+        edge = self._at_the_edge(missing, where)
         size = np.array(self._scene.measured.shape[2:0:-1])
         finer = size[0] / self._scene.resolution[0]
         for beside in BESIDE:
@@ -60,7 +61,15 @@ class Measurement:
             column, row = cell[alike].astype(np.int64).T
             point[missing[alike]] = (size[1] - 1 - row) * size[0] + column
             missing = missing[~alike]
-        return point, missing
+        return point, np.union1d(missing, edge)
+
+    def _at_the_edge(self, rows: Ints, where: Floats) -> Ints:
+        """Return the `rows` beside which panoramas end: Cycles' slopes are unbounded there."""
+        if self._camera.kind in FLAT:
+            return rows[:0]
+        beside = [pick(where, rows) + step for step in np.eye(2)]
+        reach = [camera_rays(self._camera, self._scene.resolution, at).reach for at in beside]
+        return rows[np.isinf(np.minimum(*reach))]
 
     def _alike(self, surface: Surface, rows: Ints, where: Floats) -> Bools:
         """Return whether the view at places (k, 2) meets what the points `rows` (k,) are on."""

@@ -21,7 +21,7 @@ from .agreement import (
     stage,
     tiles_of,
 )
-from .reading import add, empty_scene, material, node, put, shows, sphere
+from .reading import CUBE, add, empty_scene, material, node, polygons, put, shows, sphere
 from .test_textures_cycles import lit_by, picture, with_uv
 
 DIFFUSE, GLOSSY = "BsdfDiffuse", "BsdfAnisotropic"
@@ -56,6 +56,10 @@ def noise(tree: Any, scale: float = 3.0, kind: str = "Noise") -> Any:
     return node(tree, f"Tex{kind}", Scale=scale)
 
 
+def checks(tree: Any) -> Any:
+    return noise(tree, 6.0, "Checker")
+
+
 def closure(kind: str, socket: str = "", source: Wiring = noise) -> Wiring:
     """A closure, of which a socket gets what a function of the tree gives."""
 
@@ -69,9 +73,9 @@ def closure(kind: str, socket: str = "", source: Wiring = noise) -> Wiring:
     return wire
 
 
-def bumped(tree: Any) -> Any:
+def bumped(tree: Any, height: Wiring = noise) -> Any:
     bump = node(tree, "Bump", Distance=0.3)
-    tree.links.new(noise(tree).outputs[0], bump.inputs["Height"])
+    tree.links.new(height(tree).outputs[0], bump.inputs["Height"])
     return bump
 
 
@@ -164,6 +168,7 @@ NOISY = closure(DIFFUSE, "Color", lambda tree: noise(tree).outputs[1])
 SCENES: dict[str, Callable[[], object]] = {
     "colour": partial(scene, NOISY),
     "bump": partial(scene, closure(PRINCIPLED, "Normal", bumped)),
+    "steps": partial(scene, closure(GLOSSY, "Normal", partial(bumped, height=checks))),
     "normal map": partial(scene, closure(PRINCIPLED, "Normal", normal_map())),
     "leaves": partial(leaves, alpha=True),
     "roughness": partial(scene, closure(GLOSSY, "Roughness", lambda t: noise(t, 4.0, "Voronoi"))),
@@ -178,7 +183,7 @@ SCENES: dict[str, Callable[[], object]] = {
     "empty slots": bare,
     "border": cut,
 }
-QUICK = ("colour", "bump", "leaves", "empty slots")
+QUICK = ("colour", "steps", "leaves", "empty slots")
 
 
 def wiring() -> dict[str, Any]:
@@ -308,6 +313,8 @@ def test_materials_are_those_of_cycles(shading: Any) -> None:
 VECTORS: dict[str, Wiring] = {
     "tangent": normal_map(),
     "without a map": tangent('UV_MAP'),
+    "map in one point": normal_map(),
+    "across the seam": tangent('UV_MAP'),
     "tangent mirrored": normal_map(strength=1.6, convention='DIRECTX'),
     "object": normal_map('OBJECT', 1.0),
     "world": normal_map('WORLD', 0.5),
@@ -321,12 +328,17 @@ VECTORS: dict[str, Wiring] = {
 
 def show(name: str, wire: Wiring, column: int, row: int) -> None:
     """A ball, flat in the upper row, that shows what a node gives."""
+    seam = name == "across the seam"
     mesh = sphere("Ball") if name == "without a map" else mapped("Ball")
+    mesh = polygons("Box", *CUBE) if seam else mesh
     if row:
         mesh.shade_flat()
+    if name == "map in one point":
+        mesh.uv_layers[0].uv.foreach_set("vector", np.zeros(2 * len(mesh.loops), np.float32))
     mesh.materials[0] = material("Show", lambda tree: lit_by(tree, wire(tree)))
     place = {"location": (column + 0.5, row + 0.5, 0), "scale": (0.5, (-1) ** column * 0.5, 0.7)}
-    add("Ball", mesh, visible_diffuse=False, **place, rotation_euler=(0.5, 0.3 * column, 0.2))
+    turn = (0.5 + seam, 0.3 * column * (not seam), 0.2)
+    add("Ball", mesh, visible_diffuse=False, **place, rotation_euler=turn)
 
 
 def test_normals_and_tangents_are_those_of_cycles() -> None:
