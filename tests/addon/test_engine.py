@@ -8,23 +8,13 @@ from typing import Any
 
 import bpy
 import numpy as np
-import OpenEXR
 import pytest
 
 import blender_rad
 from blender_rad.bpy_io.cameras import read_camera
+from tests.blender.reading import channels
 
 AT = (slice(0, 16), slice(12, 36))  # of the border: the upper half's middle, row 0 at the top
-
-
-def channels(path: Path) -> dict[str, np.ndarray]:
-    """Return the channels (h, w) of a file by the end of their names: view layers do not count."""
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        return {
-            name.partition("ViewLayer.")[2] or name: np.array(channel.pixels)
-            for part in file.parts
-            for name, channel in part.channels.items()
-        }
 
 
 def test_f12_gives_the_numbers_of_the_verb(done: Path) -> None:

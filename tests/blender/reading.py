@@ -178,10 +178,20 @@ def rounded(name: str, kind: str, **options: Any) -> Any:
     return mesh
 
 
-def cycles_passes(path: Path) -> dict[str, Array]:
-    """Return Cycles' passes of the scene at the pixel centres by name, (h, w, ...)."""
+def channels(path: Path) -> dict[str, Array]:
+    """Return the channels (h, w) of a file by the end of their names: view layers do not count."""
     import OpenEXR
 
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return {
+            name.partition("ViewLayer.")[2] or name: np.array(channel.pixels, dtype=float)
+            for part in file.parts
+            for name, channel in part.channels.items()
+        }
+
+
+def cycles_passes(path: Path) -> dict[str, Array]:
+    """Return Cycles' passes of the scene at the pixel centres by name, (h, w, ...)."""
     scene, render = bpy.context.scene, bpy.context.scene.render
     render.engine = 'CYCLES'
     scene.cycles.samples, scene.cycles.filter_width = 1, 0.01
@@ -189,11 +199,7 @@ def cycles_passes(path: Path) -> dict[str, Array]:
     layer = scene.view_layers[0]
     layer.use_pass_position = layer.use_pass_normal = layer.use_pass_z = True
     render_layers(path / "passes.exr")
-    found: dict[str, Array] = {}
-    with OpenEXR.File(render.filepath) as file:
-        for part in file.parts:
-            for name, channel in part.channels.items():
-                found[name.removeprefix("ViewLayer.")] = channel.pixels.astype(np.float64)
+    found = channels(render.filepath)
     for name in ("Position", "Normal"):
         found[name] = np.stack([found[f"{name}.{axis}"] for axis in "XYZ"], axis=-1)
     return {**found, "Depth": found["Depth.Z"]}
