@@ -34,12 +34,7 @@ log = logging.getLogger(__name__)
 def of_render(depsgraph: Any, cancelled: Callable[[], bool]) -> tuple[SkyMap, ...]:
     """Return the maps of the world that a depsgraph renders, none where none have to be measured.
 
-    Raises
-    ------
-    RadError
-        Where the sky cannot be measured.
-    CancelledError
-        As soon as `cancelled` tells so.
+    `RadError` where the sky cannot be, `CancelledError` as soon as `cancelled` tells so.
     """
     world, key = _wanted(depsgraph)
     if world and not _known.get(key):

@@ -74,10 +74,8 @@ FIRST_DIMENSION = 1 << 12  # of random numbers, beyond those of single lights
 class Boxes:
     """A tree of boxes over points with their normals (n, 3).
 
-    Attributes
-    ----------
-    parts : the points of each.
-    corners : (boxes, 2, 3) least and greatest, of all that a box may hold.
+    `parts` are the points of each, `corners` (boxes, 2, 3) the least and the greatest of all that a
+    box may hold.
     """
 
     def __init__(self, points: Floats, normals: Floats) -> None:
@@ -131,18 +129,11 @@ class Boxes:
 
 
 class Crowd:
-    """Lights that share a layer; see above.
-
-    Attributes
-    ----------
-    emitter : a stand-in, whose `rgb` is 1.
-    rgb, hue : (lights, 3) `Light.rgb`, and this over its luminance.
-    batches : how many to work off at once, where lights are asked one by one.
-    """
+    """Lights that share a layer, see above; `emitter` is a stand-in, whose `rgb` is 1."""
 
     def __init__(self, lights: Sequence[Light], surface: Surface, weights: Floats) -> None:
         self.emitter = Emitter(replace(lights[0], rgb=np.ones(3)), 0)
-        self.rgb = np.array([light.rgb for light in lights])
+        self.rgb = np.array([light.rgb for light in lights])  # (lights, 3)
         self._bounds = np.array([_bounds(light) for light in lights])
         self._is_found = np.array([light.is_found for light in lights])
         self._kind_of, self._kinds, self._places = _alike(lights)
@@ -170,8 +161,9 @@ class Crowd:
 
     def _settle(self) -> None:
         """Make tables of what is known of the boxes."""
+        # How many to work off at once, where lights are asked one by one:
         self.batches = 4 if len(np.unique(self._kind_of)) > MANY_KINDS else 1
-        self.hue = (self.rgb / self._brightness[:, None]).astype(np.float32)
+        self.hue = (self.rgb / self._brightness[:, None]).astype(np.float32)  # over luminance
         doubt = np.sqrt(self._arriving * (1.0 - self._arriving) + np.float32(DOUBT))
         count = min(NEAR, len(self.rgb) // 2)
         near = np.argpartition(-self._most * doubt, count, axis=1)[:, :count]

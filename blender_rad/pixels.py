@@ -14,12 +14,9 @@ BLOCK = 16384  # pixels worked off at a time, so that arrays stay near the proce
 class Batch:
     """Camera samples of some pixels, those of a pixel side by side.
 
-    Attributes
-    ----------
-    rows : (p,) pixels; there are `each` samples of each. Where they follow each other `span` is
-        the slice of them, which is faster; else it is `rows`.
-    hits : (k,) samples that met a surface.
-    weight : (samples, 3) what surfaces in front let pass; None where there are none.
+    There are `each` samples of the pixels `rows` (p,); where these follow each other `span` is the
+    slice of them, which is faster; else it is `rows`. The samples `hits` (k,) met a surface, and
+    what surfaces in front of it let pass is `weight` (samples, 3), None where there are none.
     """
 
     def __init__(self, rows: Ints, each: int, hits: Ints, weight: Floats | None = None) -> None:

@@ -19,12 +19,7 @@ def shaded_layers(scene: Scene) -> int:
 
 
 class Transmission:
-    """What passes the surfaces of a scene.
-
-    Parameters
-    ----------
-    caster : casts rays against all that may let some of their light pass.
-    """
+    """What passes the surfaces of a scene; `caster` meets all that may let some light pass."""
 
     def __init__(self, scene: Scene, geometry: Geometry, caster: Caster) -> None:
         self._geometry, self.caster = geometry, caster

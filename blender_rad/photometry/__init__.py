@@ -7,20 +7,13 @@ from pathlib import Path
 
 from ..errors import RadError
 from .checks import check
-from .distribution import Distribution, Opening
+from .distribution import Distribution
 from .ies import is_ies, parse_ies
 from .ldt import parse_ldt
 from .text import Reader
 from .writing import MADE_FOR_BLENDER, as_ies
 
-__all__ = [
-    "MADE_FOR_BLENDER",
-    "Distribution",
-    "Opening",
-    "as_ies",
-    "parse_photometry",
-    "read_photometry",
-]
+__all__ = ["MADE_FOR_BLENDER", "Distribution", "as_ies", "parse_photometry", "read_photometry"]
 
 
 def read_photometry(path: str | os.PathLike[str], lamp_set: int = 1) -> Distribution:
