@@ -42,14 +42,8 @@ class SceneCommand(Command):
         """Open `file` as the options say and return its bpy.types.Scene."""
         from ..bpy_io.open import open_scene
 
-        return open_scene(
-            file,
-            frame=frame,
-            camera=self.camera,
-            scene=self.scene,
-            view_layer=self.view_layer,
-            need_camera=need_camera,
-        )
+        own = {name: getattr(self, name) for name in ("camera", "scene", "view_layer")}
+        return open_scene(file, frame=frame, need_camera=need_camera, **own)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from .. import __version__
 from ..checking import Result, Terms
 from ..film import Film
+from ..rays import embree_version
 from ..scene import Scene
 from ..strict_json import plain
 
@@ -46,7 +48,12 @@ def build_document(
             "resolution": scene.resolution,
             "unit_scale_m": scene.unit_scale_m,
         },
-        "versions": versions(scene),
+        "versions": {
+            "blender_rad": __version__,
+            "blender": ".".join(map(str, scene.blender_version)),
+            "numpy": np.__version__,
+            "embree": embree_version(),
+        },
         "settings": {
             "tolerance": terms.tolerance,
             "confidence": terms.confidence,
@@ -77,21 +84,5 @@ def coverage(film: Film) -> dict[str, Any]:
     causes = sorted(film.excluded_by.items(), key=lambda item: -item[1])
     return {
         "supported_pixel_fraction": supported,
-        "unsupported": [
-            {"kind": cause.kind, "name": cause.name, "feature": cause.feature, "pixels": pixels}
-            for cause, pixels in causes
-        ],
-    }
-
-
-def versions(scene: Scene) -> dict[str, str]:
-    """Return the versions of everything that the numbers depend on."""
-    from .. import __version__
-    from ..rays import embree_version
-
-    return {
-        "blender_rad": __version__,
-        "blender": ".".join(str(part) for part in scene.blender_version),
-        "numpy": np.__version__,
-        "embree": embree_version(),
+        "unsupported": [{**vars(cause), "pixels": pixels} for cause, pixels in causes],
     }
