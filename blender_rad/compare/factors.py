@@ -20,6 +20,7 @@ from .result import MIN_ENERGY
 MAX_INFLATION = 400.0  # a factor 20 times noisier than alone would take 400 times the samples
 TANGLED = 0.9  # partial correlation of factors, beyond which all join at once
 HOT = 3.0  # far enough for our own noise not to be taken for it
+HINGE = 0.1  # share of a fit that a single cell may have
 _RIDGE = 1e-9
 
 
@@ -124,6 +125,10 @@ def fit(
     average is taken off, also where lights share it (edges of objects); else a factor would be too
     low by the relative variance of our cells. Our noise goes through P = (…)⁻¹ X W. The channels
     of a cell share it, since their samples do: the error is at most Σ_cells (Σ_rgb |P| σ)².
+
+    Of few samples σ may be far from true, which tells where all hinges on one cell. Where a cell's
+    leverage h = Σ_j X_j P_j exceeds `HINGE`, what it moves the factors by is added to their error,
+    up to 1: Σ_rgb P r/(1 − h), r the residual, so that r/(1 − h) is that of a fit without the cell.
     """
     factors: list[Floats] = []
     through = np.zeros(layers.shape)
@@ -132,10 +137,17 @@ def fit(
         solve = _inverse(weighted @ layers.T - (noise * weight) @ noise.T) @ weighted
         factors.append(part @ solve.T)
         through += solve / len(weights)
-    through = np.sqrt(through**2 * variance)
-    cells = through.reshape(len(layers), layers.shape[1] // 3, 3)
-    ours = np.sum(cells.sum(axis=2) ** 2, axis=1)
-    return estimate(np.concatenate(factors), ours, np.ones(len(layers)))
+    found = np.concatenate(factors)
+    there = np.broadcast_to(weights > 0.0, target.shape)
+    rest = np.sum(target * there, axis=0) / np.maximum(there.sum(axis=0), 1)
+    rest -= found.mean(axis=0) @ layers
+    cells = len(layers), layers.shape[1] // 3, 3
+    leverage = (layers * through).reshape(cells).sum(axis=(0, 2))
+    moved = (through * rest).reshape(cells).sum(axis=2) / np.maximum(1.0 - leverage, _RIDGE)
+    drawn = np.sqrt(through**2 * variance).reshape(cells).sum(axis=2)
+    moved = np.where(leverage > HINGE, np.minimum(np.abs(moved), 1.0), 0.0)
+    ours = np.sum(drawn**2 + moved**2, axis=1)
+    return estimate(found, ours, np.ones(len(layers)))
 
 
 @dataclass(frozen=True)
