@@ -64,7 +64,9 @@ class Closures:
         asked = _Asked(known, counts)
         found = [lobe for c in closures for lobe in self._lobes(c, surface, rows, asked)]
         if found:
-            yield rows, Mixture.of(found, diffuse=DIFFUSE)
+            # What Cycles loses of rough refraction depends on the chances, as `Refraction` says.
+            refracts = any(lobe.ray == "transmission" for lobe in found)
+            yield rows, Mixture.of(found, diffuse=1.0 if refracts else DIFFUSE)
 
     def _lobes(
         self, closure: Closure, surface: Surface, rows: Ints, asked: _Asked
