@@ -46,10 +46,8 @@ if TYPE_CHECKING:
 
 CLOSED_FORM_TRIANGLES = 64  # above it, summing polygons costs more than sampling is worth
 ON_IT = 1e-6  # in units of the root of a triangle's area: points so near its plane lie in it
-FAR_POINTS, FAR_DIRECTIONS = (
-    1024,
-    128,
-)  # of the far field: shapes that hide parts of themselves to about 1 %
+# Of the far field: shapes that hide parts of themselves to about 1 %.
+FAR_POINTS, FAR_DIRECTIONS = 1024, 128
 SURFACE = 1e-5  # rays start so far off it, in units of the root of its area
 PAIRS = 1 << 20  # ray-triangle pairs at once: 8 MB an array
 TRIED, MOST_TRIED, FEWEST_TRIED = 1 << 16, 1024, 4  # points of a texture: of all, of a triangle
