@@ -137,13 +137,13 @@ class MeshLight(Light):
         middle = self.triangles.mean(axis=1)
         parts = [np.arange(len(middle))]
         while len(parts) < min(BOXES, len(middle)):
-            widest = max(range(len(parts)), key=lambda k: float(np.ptp(middle[parts[k]], 0).max()))
-            own = parts.pop(widest)
+            wide = [(float(np.ptp(middle[own], axis=0).max()), len(own)) for own in parts]
+            own = parts.pop(wide.index(max(wide)))
             along = middle[own, np.argmax(np.ptp(middle[own], axis=0))]
             parts += np.array_split(own[np.argsort(along)], 2)
-        corners = [self.triangles[own].reshape(-1, 3) for own in parts if len(own)]
+        corners = [self.triangles[own].reshape(-1, 3) for own in parts]
         low, high = (np.array([f(each, axis=0) for each in corners]) for f in (np.min, np.max))
-        areas = np.array([self._areas[own].sum() for own in parts if len(own)])
+        areas = np.array([self._areas[own].sum() for own in parts])
         return (low + high) / 2.0, (high - low) / 2.0, areas / np.pi
 
     def _turned(self, points: Array) -> Array:
@@ -170,10 +170,12 @@ class MeshLight(Light):
             again = np.stack([u[rows, 0] / turned[rows], u[rows, 1]], axis=1)
             wi, _ = geometry.sample_hemisphere(normals[rows], again)
             lifted = points[rows] + LIFT * np.sqrt(total) * normals[rows]
-            distance, i[rows], uv[:, rows] = self._find(lifted, wi)
+            distance, which, where = self._find(lifted, wi)
             met = (distance > 10.0 * LIFT * np.sqrt(total)) & np.isfinite(distance)
             position[rows] = lifted + np.where(met, distance, 1.0)[:, None] * wi
-            density[rows] = np.where(met, self._density_on[i[rows]], np.inf)
+            hit = rows[met]
+            i[hit], uv[:, hit], density[rows] = which[met], where[:, met], np.inf
+            density[hit] = self._density_on[i[hit]]
         wi = position - points
         squared = np.maximum(geometry.dot(wi, wi), geometry.TINY)
         distance = np.sqrt(squared)

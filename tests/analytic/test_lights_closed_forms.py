@@ -235,6 +235,15 @@ def test_noise_next_to_a_mesh_of_many_triangles_is_bounded(distance):
     assert value.std() < 2.5 * value.mean()
 
 
+@pytest.mark.parametrize("copies", [1, 5, 19])
+def test_doubled_and_flat_triangles_do_no_harm(copies):
+    corners = np.array([[-0.5, -0.4, 1.0], [0.6, -0.3, 1.0], [0.1, 0.7, 1.0]])
+    light = mesh([np.tile(corners[:1], (3, 1)), *[corners] * copies])
+    u = np.random.default_rng(copies).random((2000, 2))
+    sample = light.sample(np.zeros((len(u), 3)), np.tile(UP, (len(u), 1)), u)
+    assert np.isfinite(sample.weight).all() and sample.weight.any()
+
+
 def brute_force(light: Light, place: np.ndarray, normal: np.ndarray, axis: np.ndarray) -> float:
     """Return ∫ L cos θ dω by midpoints in azimuth about `axis` and Gauss in the polar angle.
 
